@@ -1,0 +1,3 @@
+//! Filled in below.
+#![no_std]
+#![forbid(unsafe_code)]

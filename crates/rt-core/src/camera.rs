@@ -1,0 +1,163 @@
+//! A pinhole camera and the rays it sends, addressable by number.
+
+use crate::{Ray, random};
+use alloc::sync::Arc;
+use core::fmt;
+use glam::Vec3;
+
+/// A pinhole camera: where it stands, what it looks at, which way is up, and its vertical field of view.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    eye: Vec3,
+    forward: Vec3,
+    /// Half the image's width and height at distance 1, along the image axes, for a square image.
+    right: Vec3,
+    up: Vec3,
+}
+
+impl Camera {
+    /// A camera at `eye` that looks at `target`, with a vertical field of view in degrees.
+    ///
+    /// # Errors
+    /// When a coordinate is not finite, `eye` equals `target`, `up` is zero or along the view, or the field of view
+    /// is not between 0 and 180 degrees (both exclusive).
+    pub fn look_at(eye: Vec3, target: Vec3, up: Vec3, fov_degrees: f32) -> Result<Self, CameraError> {
+        if !(eye.is_finite() && target.is_finite() && up.is_finite()) {
+            return Err(CameraError::NotFinite);
+        }
+        if !(fov_degrees > 0.0 && fov_degrees < 180.0) {
+            return Err(CameraError::FieldOfView(fov_degrees));
+        }
+        // In double precision, so that scenes measured in nanometres or light years work alike.
+        let forward = (target.as_dvec3() - eye.as_dvec3()).try_normalize().ok_or(CameraError::NoDirection)?;
+        let up = up.as_dvec3().try_normalize().ok_or(CameraError::NoUp)?;
+        let right = forward.cross(up);
+        if right.length() < 1e-6 {
+            return Err(CameraError::NoUp);
+        }
+        let right = right.normalize();
+        let half = libm::tan(f64::from(fov_degrees).to_radians() / 2.0);
+        Ok(Self {
+            eye,
+            forward: forward.as_vec3(),
+            right: (right * half).as_vec3(),
+            up: (right.cross(forward) * half).as_vec3(),
+        })
+    }
+
+    /// Where the camera stands.
+    #[must_use]
+    pub const fn eye(&self) -> Vec3 {
+        self.eye
+    }
+
+    /// Unit vector along the view.
+    #[must_use]
+    pub const fn forward(&self) -> Vec3 {
+        self.forward
+    }
+
+    /// The ray through image position `(x, y)` in `[0, 1]²`, `(0, 0)` the upper left corner, of an image `aspect`
+    /// times as wide as high.
+    ///
+    /// The direction is not normalised: its component along the view is 1, so `t` is the depth. Only multiplications
+    /// and additions, so that a device can make the very same bits.
+    #[must_use]
+    pub fn ray(&self, x: f32, y: f32, aspect: f32) -> Ray {
+        let across = (2.0 * x - 1.0) * aspect;
+        let upward = 1.0 - 2.0 * y;
+        Ray::new(self.eye, self.forward + self.right * across + self.up * upward)
+    }
+}
+
+/// Why [`Camera::look_at`] refused its arguments.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum CameraError {
+    /// A coordinate is NaN or infinite.
+    NotFinite,
+    /// Eye and target are one point.
+    NoDirection,
+    /// The up vector is zero or along the view.
+    NoUp,
+    /// The field of view, in degrees, is not between 0 and 180.
+    FieldOfView(f32),
+}
+
+impl fmt::Display for CameraError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NotFinite => write!(f, "eye, target and up must be finite"),
+            Self::NoDirection => write!(f, "eye and target are the same point: move one of them"),
+            Self::NoUp => write!(f, "up is zero or along the view: choose another up vector"),
+            Self::FieldOfView(fov) => write!(f, "field of view {fov} is not between 0 and 180 degrees"),
+        }
+    }
+}
+
+impl core::error::Error for CameraError {}
+
+/// The primary rays of an image or a part of it, made on demand from their number.
+///
+/// Ray `i` belongs to pixel `pixels[i / samples]`, so with `pixels` in Z-curve order a contiguous range of rays is a
+/// compact region of the screen.
+#[derive(Clone, Debug)]
+pub struct CameraRays {
+    /// The camera.
+    pub camera: Camera,
+    /// Size of the whole image in pixels.
+    pub size: [u32; 2],
+    /// Pixels to cover, each `x | y << 16`, in the order of the rays.
+    pub pixels: Arc<[u32]>,
+    /// Rays per pixel, at least 1. The first of one goes through the centre.
+    pub samples: u32,
+    /// Seed of the positions inside a pixel.
+    pub seed: u32,
+}
+
+impl CameraRays {
+    /// Number of rays; saturates at `u32::MAX`.
+    #[must_use]
+    pub fn len(&self) -> u32 {
+        u32::try_from(self.pixels.len() as u64 * u64::from(self.samples)).unwrap_or(u32::MAX)
+    }
+
+    /// Whether there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Ray number `index`, which must be below [`CameraRays::len`].
+    #[must_use]
+    pub fn ray(&self, index: u32) -> Ray {
+        let pixel = self.pixels[(index / self.samples) as usize];
+        let (x, y) = (pixel & 0xffff, pixel >> 16);
+        let [width, height] = self.size.map(|n| n as f32);
+        let [dx, dy] =
+            if self.samples == 1 { [0.5, 0.5] } else { random::spread_pair(self.seed, pixel, 0, index % self.samples) };
+        self.camera.ray((x as f32 + dx) / width, (y as f32 + dy) / height, width / height)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_centre_looks_at_the_target_and_up_is_up() {
+        let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 90.0).expect("valid");
+        assert!(camera.ray(0.5, 0.5, 2.0).direction.abs_diff_eq(Vec3::NEG_Z, 1e-6));
+        assert!(camera.ray(0.5, 0.0, 1.0).direction.abs_diff_eq(Vec3::new(0.0, 1.0, -1.0), 1e-6));
+        assert!(camera.ray(1.0, 0.5, 2.0).direction.abs_diff_eq(Vec3::new(2.0, 0.0, -1.0), 1e-6));
+    }
+
+    #[test]
+    fn bad_cameras_are_refused_with_a_reason() {
+        let look = |eye, target, up, fov| Camera::look_at(eye, target, up, fov).expect_err("invalid");
+        assert_eq!(look(Vec3::X, Vec3::X, Vec3::Y, 40.0), CameraError::NoDirection);
+        assert_eq!(look(Vec3::ZERO, Vec3::Y, Vec3::Y, 40.0), CameraError::NoUp);
+        assert_eq!(look(Vec3::ZERO, Vec3::X, Vec3::Y, 180.0), CameraError::FieldOfView(180.0));
+        assert_eq!(look(Vec3::NAN, Vec3::X, Vec3::Y, 40.0), CameraError::NotFinite);
+    }
+}

@@ -1,0 +1,270 @@
+//! What tracing costs: device-independent work, a device's own seconds, and the estimator's seam.
+
+use crate::{Task, TaskId, TestCounts, Walk};
+use alloc::vec::Vec;
+use core::fmt::{self, Debug};
+
+/// Expected work of one task on one tree layout: how many rays, box tests and triangle tests. Always finite and ≥ 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Work {
+    rays: f32,
+    boxes: f32,
+    triangles: f32,
+    std_error: f32,
+}
+
+impl Work {
+    /// Work of `rays` rays that make `boxes` box tests and `triangles` triangle tests in total.
+    ///
+    /// Values that are negative or not finite are clamped to `0 ..= f32::MAX` (NaN to 0), so scheduling never fails.
+    #[must_use]
+    pub fn new(rays: f32, boxes: f32, triangles: f32) -> Self {
+        let clamp = |x: f32| if x > 0.0 { x.min(f32::MAX) } else { 0.0 };
+        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: f32::NAN }
+    }
+
+    /// The same work with the standard error of its number of tests (boxes + triangles), in tests.
+    #[must_use]
+    pub const fn with_std_error(mut self, std_error: f32) -> Self {
+        self.std_error = std_error;
+        self
+    }
+
+    /// Number of rays.
+    #[must_use]
+    pub const fn rays(&self) -> f32 {
+        self.rays
+    }
+
+    /// Expected box tests.
+    #[must_use]
+    pub const fn boxes(&self) -> f32 {
+        self.boxes
+    }
+
+    /// Expected triangle tests.
+    #[must_use]
+    pub const fn triangles(&self) -> f32 {
+        self.triangles
+    }
+
+    /// Box and triangle tests together: the count that estimation errors are measured in.
+    #[must_use]
+    pub fn tests(&self) -> f32 {
+        self.boxes + self.triangles
+    }
+
+    /// Standard error of [`Work::tests`], in tests; `None` where too few samples were taken to know it.
+    #[must_use]
+    pub fn std_error(&self) -> Option<f32> {
+        (self.std_error >= 0.0).then_some(self.std_error)
+    }
+
+    /// Tests (not rays) multiplied by `factor`; the standard error scales along.
+    #[must_use]
+    pub fn scaled(&self, factor: f32) -> Self {
+        let scaled = Self::new(self.rays, self.boxes * factor, self.triangles * factor);
+        scaled.with_std_error(self.std_error * factor)
+    }
+}
+
+/// One device's seconds for work on one tree layout: `per_launch + per_ray · rays + per_box · boxes + per_triangle ·
+/// triangles`. Every part is finite and ≥ 0, and one ray with one box test costs more than nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CostModel {
+    per_launch: f64,
+    per_ray: f64,
+    per_box: f64,
+    per_triangle: f64,
+}
+
+impl CostModel {
+    /// A device that needs one nanosecond for every ray, box test and triangle test, and none for a launch: what is
+    /// assumed of every device before any launch was measured.
+    pub const UNIT: Self = Self { per_launch: 0.0, per_ray: 1e-9, per_box: 1e-9, per_triangle: 1e-9 };
+
+    /// Seconds per launch, ray, box test and triangle test; `None` unless all are finite and ≥ 0 and `per_ray +
+    /// per_box > 0`.
+    #[must_use]
+    pub fn new(per_launch: f64, per_ray: f64, per_box: f64, per_triangle: f64) -> Option<Self> {
+        let valid = [per_launch, per_ray, per_box, per_triangle].iter().all(|x| x.is_finite() && *x >= 0.0);
+        (valid && per_ray + per_box > 0.0).then_some(Self { per_launch, per_ray, per_box, per_triangle })
+    }
+
+    /// Seconds that a launch costs before its first ray.
+    #[must_use]
+    pub const fn per_launch(&self) -> f64 {
+        self.per_launch
+    }
+
+    /// Seconds per ray, beyond its tests.
+    #[must_use]
+    pub const fn per_ray(&self) -> f64 {
+        self.per_ray
+    }
+
+    /// Seconds per box test.
+    #[must_use]
+    pub const fn per_box(&self) -> f64 {
+        self.per_box
+    }
+
+    /// Seconds per triangle test.
+    #[must_use]
+    pub const fn per_triangle(&self) -> f64 {
+        self.per_triangle
+    }
+
+    /// Expected seconds of `work`, without the launch.
+    #[must_use]
+    pub fn seconds(&self, work: &Work) -> f64 {
+        self.per_ray * f64::from(work.rays)
+            + self.per_box * f64::from(work.boxes)
+            + self.per_triangle * f64::from(work.triangles)
+    }
+}
+
+impl Default for CostModel {
+    fn default() -> Self {
+        Self::UNIT
+    }
+}
+
+/// What made the rays of a stream. Bounces count from 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum StreamKind {
+    /// Camera rays in Z-curve order: neighbours in the stream take similar paths.
+    Primary,
+    /// Shadow rays towards a light, from the hits of the given bounce; any hit ends them.
+    Shadow(u32),
+    /// Cosine-weighted diffuse rays from the hits of the given bounce: incoherent.
+    Diffuse(u32),
+    /// Rays of a caller, of which nothing is known.
+    Custom,
+}
+
+impl StreamKind {
+    /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well.
+    #[must_use]
+    pub const fn is_coherent(&self) -> bool {
+        matches!(self, Self::Primary)
+    }
+}
+
+impl fmt::Display for StreamKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Primary => write!(f, "primary"),
+            Self::Shadow(bounce) => write!(f, "shadow {bounce}"),
+            Self::Diffuse(bounce) => write!(f, "diffuse {bounce}"),
+            Self::Custom => write!(f, "custom"),
+        }
+    }
+}
+
+/// A stream of rays as an estimator sees it: its kind and how it is cut into tasks.
+#[derive(Clone, Copy, Debug)]
+pub struct RayStream<'a> {
+    /// What made the rays.
+    pub kind: StreamKind,
+    /// The tasks; they cover the stream's rays in order.
+    pub tasks: &'a [Task],
+    /// Seed of this stream's samples.
+    pub seed: u32,
+}
+
+impl RayStream<'_> {
+    /// Number of rays in all tasks.
+    #[must_use]
+    pub fn rays(&self) -> u32 {
+        self.tasks.iter().map(|task| task.rays).sum()
+    }
+}
+
+/// The driver's answer to a [`Step::Sample`]; empty in the first call of a stream.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Observation<'a> {
+    /// The rays that were asked for, in that order.
+    pub rays: &'a [u32],
+    /// For each of them, its counts under the walk that was asked for.
+    pub counts: &'a [TestCounts],
+}
+
+/// What an estimator wants next.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// Walk these rays and call again with their counts. The hits of a [`Walk::Full`] are kept by the driver, and
+    /// their rays are not traced again.
+    Sample {
+        /// Distinct ray indices of the stream.
+        rays: Vec<u32>,
+        /// How to walk them.
+        walk: Walk,
+    },
+    /// The expected work of each task, in task order.
+    Done(Vec<Work>),
+}
+
+/// Predicted and measured seconds of one task on the device that traced it, launch cost left out.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TaskOutcome {
+    /// The task.
+    pub task: TaskId,
+    /// What the device's cost model said of the estimated work.
+    pub predicted_s: f64,
+    /// What it took; where a device only knows the time of a whole launch, the task's predicted share of it.
+    pub measured_s: f64,
+}
+
+/// A finished launch, for estimators that learn.
+#[derive(Clone, Copy, Debug)]
+pub struct LaunchRecord<'a> {
+    /// The stream.
+    pub stream: RayStream<'a>,
+    /// The estimate the launch was scheduled by, one entry for each task of the stream.
+    pub work: &'a [Work],
+    /// Position of the device in the run.
+    pub device: usize,
+    /// The tasks of the launch.
+    pub outcomes: &'a [TaskOutcome],
+}
+
+/// Estimates the work of each task of a stream.
+///
+/// An estimator does no I/O: it names rays, the driver walks them on all devices in parallel, and the estimator reads
+/// the counts. So it is pure, testable without a device, and the same on one machine or many.
+pub trait CostEstimator: Debug + Send {
+    /// Short name for reports, such as `"exact"`.
+    fn name(&self) -> &'static str;
+
+    /// Takes the answer to the previous step and says what is wanted next. The first call of a stream carries an
+    /// empty observation; after [`Step::Done`] the next call begins another stream.
+    fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step;
+
+    /// Learns from a finished launch. Called after the stream was traced; most estimators ignore it.
+    fn learn(&mut self, launch: &LaunchRecord<'_>) {
+        let _ = launch;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_is_always_finite_and_not_negative() {
+        let work = Work::new(f32::NAN, -1.0, f32::INFINITY);
+        assert_eq!((work.rays(), work.boxes(), work.triangles()), (0.0, 0.0, f32::MAX));
+        assert_eq!(work.std_error(), None);
+        assert_eq!(Work::new(1.0, 2.0, 3.0).with_std_error(0.5).scaled(2.0).std_error(), Some(1.0));
+    }
+
+    #[test]
+    fn cost_models_are_positive() {
+        assert!(CostModel::new(0.0, 0.0, 0.0, 1.0).is_none());
+        assert!(CostModel::new(-1.0, 1.0, 1.0, 1.0).is_none());
+        let model = CostModel::new(1.0, 2.0, 3.0, 4.0).expect("valid");
+        assert_eq!(model.seconds(&Work::new(1.0, 10.0, 100.0)), 432.0);
+    }
+}

@@ -1,0 +1,236 @@
+//! The seams of a backend: [`Device`] and [`Tracer`].
+
+use crate::{CameraRays, Hit, Precision, Query, Ray, RayMask, Scene, Task, TestCounts, Walk};
+use alloc::boxed::Box;
+use alloc::string::String;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+use core::error::Error;
+use core::fmt::{self, Debug};
+use core::time::Duration;
+
+/// Time since an origin that all devices of a process share. A function, so that `no_std` code can hold one.
+pub type Clock = fn() -> Duration;
+
+/// A processing unit that can hold a scene: a set of CPU cores, a GPU. Opened once.
+pub trait Device: Send + Sync + Debug {
+    /// What the device is.
+    fn info(&self) -> &DeviceInfo;
+
+    /// Makes the scene resident. Devices that share the host's memory copy nothing.
+    ///
+    /// # Errors
+    /// When the scene does not fit or the device is lost.
+    fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError>;
+}
+
+/// One scene resident on one device.
+///
+/// Launches run in the order in which they were submitted. After an error other than
+/// [`DeviceErrorKind::InvalidArgument`] the tracer is lost: the driver drops it and gives its tasks to others.
+pub trait Tracer: Send + Debug {
+    /// Replaces the rays. Launches in flight must have been waited for.
+    ///
+    /// # Errors
+    /// When the rays do not fit, or a launch is in flight.
+    fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError>;
+
+    /// Walks single rays and counts their tests; blocks until done.
+    ///
+    /// `counts` has one entry for each of `rays`. So has `hits`, which [`Walk::Full`] fills if given.
+    ///
+    /// # Errors
+    /// When the lengths differ, an index is not a loaded ray's, or the device is lost.
+    fn walk(
+        &mut self,
+        rays: &[u32],
+        walk: Walk,
+        counts: &mut [TestCounts],
+        hits: Option<&mut [Hit]>,
+    ) -> Result<Span, DeviceError>;
+
+    /// Starts one launch that traces `tasks`, leaving out rays in `done`.
+    ///
+    /// # Errors
+    /// When a task names rays that are not loaded, too many launches are in flight, or the device is lost.
+    fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError>;
+
+    /// Waits for a launch at most `limit` and takes its results into `out`, whose buffers are reused.
+    ///
+    /// # Errors
+    /// [`DeviceErrorKind::Hung`] when the limit passed; otherwise when the ticket is unknown or the device is lost.
+    fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError>;
+}
+
+/// What a device is, for people and for the driver.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeviceInfo {
+    /// The device's own name, such as a processor's or graphics card's.
+    pub name: String,
+    /// The backend that drives it: `"cpu"`, `"wgpu"`, `"vulkan"`.
+    pub backend: &'static str,
+    /// Hardware threads used, or compute units; 1 where unknown.
+    pub units: u32,
+    /// How many launches may be in flight, at least 1: with 2, the device never waits for the host between launches.
+    pub in_flight: u32,
+    /// Bytes of memory a scene may use, where known.
+    pub memory: Option<u64>,
+}
+
+/// Where a stream's rays come from.
+#[derive(Clone, Debug)]
+pub enum RaySource {
+    /// Rays in memory. `origins` holds, for each ray, the primitive it starts on and must not hit (`u32::MAX`: none).
+    Explicit {
+        /// The rays.
+        rays: Arc<[Ray]>,
+        /// The primitive each ray starts on, as long as `rays`.
+        origins: Option<Arc<[u32]>>,
+    },
+    /// Camera rays, made on the device.
+    Camera(Arc<CameraRays>),
+}
+
+impl RaySource {
+    /// Number of rays; saturates at `u32::MAX`.
+    #[must_use]
+    pub fn len(&self) -> u32 {
+        match self {
+            Self::Explicit { rays, .. } => u32::try_from(rays.len()).unwrap_or(u32::MAX),
+            Self::Camera(camera) => camera.len(),
+        }
+    }
+
+    /// Whether there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Ray `index`, which must be below [`RaySource::len`], and the primitive it starts on (`u32::MAX`: none).
+    #[inline]
+    #[must_use]
+    pub fn ray(&self, index: u32) -> (Ray, u32) {
+        match self {
+            Self::Explicit { rays, origins } => {
+                (rays[index as usize], origins.as_ref().map_or(u32::MAX, |o| o[index as usize]))
+            }
+            Self::Camera(camera) => (camera.ray(index), u32::MAX),
+        }
+    }
+}
+
+/// What is asked of every ray of a stream; a kernel does only that.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct StreamSpec {
+    /// Nearest hit or any.
+    pub query: Query,
+    /// How carefully.
+    pub precision: Precision,
+    /// Whether launches return exact counts beside the hits.
+    pub counts: bool,
+}
+
+/// A launch in flight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Ticket(pub u64);
+
+/// When a device worked, on the clock its tracer was given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Span {
+    /// First instruction, or the submission where that is unknown.
+    pub start: Duration,
+    /// Results on the host.
+    pub end: Duration,
+    /// Time spent in kernels, at most `end − start`.
+    pub in_kernel: Duration,
+}
+
+impl Span {
+    /// `end − start`.
+    #[must_use]
+    pub const fn duration(&self) -> Duration {
+        self.end.saturating_sub(self.start)
+    }
+}
+
+/// The results of a launch.
+#[derive(Clone, Debug, Default)]
+pub struct Launch {
+    /// One hit for each ray of the launch's tasks, in their order. [`Hit::MISS`] for rays that were left out.
+    pub hits: Vec<Hit>,
+    /// Exact counts beside the hits; empty unless the stream asked for them.
+    pub counts: Vec<TestCounts>,
+    /// Device seconds of each task, in order (thread seconds divided by threads); empty where only the launch's time
+    /// is known.
+    pub task_seconds: Vec<f32>,
+    /// When the launch ran.
+    pub span: Span,
+}
+
+impl Launch {
+    /// Empties the buffers, keeping their memory.
+    pub fn clear(&mut self) {
+        self.hits.clear();
+        self.counts.clear();
+        self.task_seconds.clear();
+        self.span = Span::default();
+    }
+}
+
+/// What kind of failure a [`DeviceError`] is: enough to react to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum DeviceErrorKind {
+    /// The call was wrong; the device is as it was.
+    InvalidArgument,
+    /// Scene or rays do not fit.
+    OutOfMemory,
+    /// The device cannot do what was asked at all.
+    Unsupported,
+    /// The device stopped working.
+    Lost,
+    /// A launch did not end within its limit.
+    Hung,
+}
+
+/// Why a device failed.
+#[derive(Debug)]
+pub struct DeviceError {
+    kind: DeviceErrorKind,
+    message: String,
+    source: Option<Box<dyn Error + Send + Sync>>,
+}
+
+impl DeviceError {
+    /// An error with a message that names what was asked and what to do.
+    #[must_use]
+    pub fn new(kind: DeviceErrorKind, message: impl Into<String>) -> Self {
+        Self { kind, message: message.into(), source: None }
+    }
+
+    /// Adds the driver's own error.
+    #[must_use]
+    pub fn with_source(mut self, source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        self.source = Some(source.into());
+        self
+    }
+
+    /// The kind of failure.
+    #[must_use]
+    pub const fn kind(&self) -> DeviceErrorKind {
+        self.kind
+    }
+}
+
+impl fmt::Display for DeviceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl Error for DeviceError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        self.source.as_ref().map(|e| &**e as &(dyn Error + 'static))
+    }
+}

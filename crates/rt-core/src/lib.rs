@@ -1,0 +1,34 @@
+//! The vocabulary and the seams of raybalance.
+//!
+//! Every other crate speaks in these types: what crosses to a device ([`Ray`], [`Hit`], [`Triangle`], [`Node`],
+//! [`Scene`]), what is scheduled ([`Task`]), what a task costs ([`Work`], [`CostModel`]), and the three traits that
+//! make the parts exchangeable: [`Device`], [`Tracer`] and [`CostEstimator`].
+//!
+//! Conventions: `t` is in units of the given direction's length; a hit has `tmin ≤ t ≤ tmax`; triangles are
+//! two-sided; a hit point is `(1 − u − v)·A + u·B + v·C`; primitive ids are positions in the caller's index buffer
+//! and keep their numbers when degenerate triangles are left out; angles are radians unless the name says degrees.
+//!
+//! The crate is `no_std` with `alloc`, holds no algorithm of building, scheduling or tracing, and knows no device.
+#![no_std]
+#![forbid(unsafe_code)]
+
+extern crate alloc;
+
+mod camera;
+mod cost;
+mod device;
+pub mod intersect;
+pub mod morton;
+pub mod random;
+mod ray;
+mod scene;
+mod task;
+
+pub use camera::{Camera, CameraError, CameraRays};
+pub use cost::{CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, TaskOutcome, Work};
+pub use device::{
+    Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
+};
+pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
+pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, Scene, SceneError, SceneParts};
+pub use task::{RayMask, Task, TaskId, tasks_of};

@@ -1,0 +1,2 @@
+//! Filled in below.
+#![forbid(unsafe_code)]
