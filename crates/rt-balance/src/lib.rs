@@ -1,2 +1,4 @@
-//! Filled in below.
+//! Cost-based balancing of ray tracing over several devices.
 #![forbid(unsafe_code)]
+
+pub mod report;

@@ -1,0 +1,118 @@
+//! What a run tells: the numbers of `report.json` (schema 1) and the raw record they were computed from.
+
+use rt_core::{StreamKind, TaskId, Work};
+use serde::Serialize;
+
+/// One stream of a run, as written to `report.json`. Seconds throughout; `None` (null) where a value is not known.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StreamReport {
+    /// `"primary"`, `"shadow 0"`, `"diffuse 0"`, `"custom"`.
+    pub kind: String,
+    /// Frame of an animation, from 0.
+    pub frame: u32,
+    /// Wave of the frame, from 0: a part of the image that fits the memory limit.
+    pub wave: u32,
+    /// Number of rays.
+    pub rays: u32,
+    /// Number of tasks.
+    pub tasks: u32,
+    /// How the tasks' cost was estimated.
+    pub estimate: EstimateReport,
+    /// Wall seconds from before the estimation until the last hit was on the host.
+    pub makespan_s: f64,
+    /// `makespan / (Σ speed · busy / Σ speed) − 1`, without a unit: how much longer the run took than if every device
+    /// had been busy to the end.
+    pub imbalance: f64,
+    /// Least seconds that any schedule needs, from the reference pass.
+    pub lower_bound_s: Option<f64>,
+    /// `makespan / lower bound − 1`, without a unit.
+    pub excess: Option<f64>,
+    /// One entry for each device, in the order they were given.
+    pub devices: Vec<DeviceReport>,
+}
+
+/// The estimation of one stream.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EstimateReport {
+    /// Name of the estimator.
+    pub estimator: String,
+    /// Share of the rays that was walked, without a unit.
+    pub fraction: f64,
+    /// Wall seconds of estimating and planning.
+    pub seconds: f64,
+    /// `seconds / (makespan − seconds)`: the share of the trace that estimation adds, without a unit.
+    pub overhead: f64,
+    /// Mean relative error per task of the estimated number of tests against exact counts, after one common scale.
+    pub mre_counts: Option<f64>,
+    /// Mean relative error per task of the predicted seconds against measured ones, after one common scale.
+    pub mre_time: Option<f64>,
+}
+
+/// One device's part in a stream.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DeviceReport {
+    /// Name of the device.
+    pub name: String,
+    /// Its backend.
+    pub backend: String,
+    /// Seconds spent working: the union of its spans, estimation included.
+    pub busy_s: f64,
+    /// Number of launches.
+    pub launches: u32,
+    /// Number of tasks finished.
+    pub tasks: u32,
+    /// Number of rays traced in launches.
+    pub rays: u64,
+    /// Why the device dropped out, if it did.
+    pub error: Option<String>,
+}
+
+/// What a device did from `start_s` to `end_s`: one bar of the timeline.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Activity {
+    /// Position of the device in the run.
+    pub device: usize,
+    /// Estimation or launch.
+    pub kind: ActivityKind,
+    /// Begin, in seconds since the balancer was made.
+    pub start_s: f64,
+    /// End, in seconds since the balancer was made.
+    pub end_s: f64,
+    /// The tasks of a launch; empty for an estimation.
+    pub tasks: Vec<TaskId>,
+    /// Rays walked or traced.
+    pub rays: u32,
+    /// What the cost model predicted, in seconds; `None` for an estimation.
+    pub predicted_s: Option<f64>,
+}
+
+/// What a bar of the timeline stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActivityKind {
+    /// Walking samples for the estimate.
+    Estimate,
+    /// Tracing tasks.
+    Launch,
+}
+
+/// Everything recorded while one stream was traced: charts and metrics are made from it.
+#[derive(Clone, Debug)]
+pub struct StreamRun {
+    /// The numbers.
+    pub report: StreamReport,
+    /// What made the rays.
+    pub kind: StreamKind,
+    /// The stream's tasks.
+    pub tasks: Vec<rt_core::Task>,
+    /// The estimate the run was scheduled by, one entry for each task.
+    pub work: Vec<Work>,
+    /// Predicted seconds of each task on the device that traced it.
+    pub predicted_s: Vec<f64>,
+    /// Measured seconds of each task on the device that traced it; NaN where unknown.
+    pub measured_s: Vec<f64>,
+    /// Which device traced each task.
+    pub device_of: Vec<u32>,
+    /// The timeline, in no particular order.
+    pub activities: Vec<Activity>,
+}
