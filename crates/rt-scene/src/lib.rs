@@ -1,2 +1,7 @@
-//! Filled in below.
+//! Scenes, cameras and ray streams.
 #![forbid(unsafe_code)]
+
+pub mod builtin;
+mod model;
+
+pub use model::{Model, View};

@@ -1,0 +1,66 @@
+//! A model: triangles with flat colours and, for built-in scenes, a camera.
+
+use glam::Vec3;
+use rt_core::{Aabb, Camera, CameraError, Triangle};
+
+/// Triangles as loaded or generated, in file order: the primitive id of a hit is an index into [`Model::indices`].
+#[derive(Clone, Debug, Default)]
+pub struct Model {
+    /// Where it came from: a path, or `builtin:yard`.
+    pub source: String,
+    /// Vertex positions.
+    pub positions: Vec<Vec3>,
+    /// Three vertex indices for each triangle.
+    pub indices: Vec<[u32; 3]>,
+    /// Diffuse colours in linear light, each component in `0 ..= 1`; at least one.
+    pub palette: Vec<Vec3>,
+    /// Index into the palette for each triangle; empty when all use colour 0.
+    pub colour_of: Vec<u16>,
+    /// The view that shows the model well, where one is known.
+    pub view: Option<View>,
+}
+
+/// A camera's parameters as a person gives them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Where the camera stands.
+    pub eye: Vec3,
+    /// What it looks at.
+    pub target: Vec3,
+    /// Which way is up.
+    pub up: Vec3,
+    /// Vertical field of view in degrees.
+    pub fov_degrees: f32,
+}
+
+impl View {
+    /// The camera.
+    ///
+    /// # Errors
+    /// When the parameters do not make a camera.
+    pub fn camera(&self) -> Result<Camera, CameraError> {
+        Camera::look_at(self.eye, self.target, self.up, self.fov_degrees)
+    }
+}
+
+impl Model {
+    /// Triangle `primitive`, or `None` beyond the last.
+    #[must_use]
+    pub fn triangle(&self, primitive: u32) -> Option<Triangle> {
+        let [a, b, c] = self.indices.get(primitive as usize)?.map(|i| self.positions.get(i as usize).copied());
+        Some(Triangle::new(a?, b?, c?))
+    }
+
+    /// Diffuse colour of triangle `primitive`.
+    #[must_use]
+    pub fn colour(&self, primitive: u32) -> Vec3 {
+        let index = self.colour_of.get(primitive as usize).copied().unwrap_or(0);
+        self.palette.get(usize::from(index)).copied().unwrap_or(Vec3::splat(0.7))
+    }
+
+    /// Bounds of all finite vertices.
+    #[must_use]
+    pub fn bounds(&self) -> Aabb {
+        self.positions.iter().filter(|p| p.is_finite()).fold(Aabb::EMPTY, |b, &p| b.with_point(p))
+    }
+}
