@@ -90,7 +90,11 @@ unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, bytes: usize) -> *mut
         // SAFETY: the caller owns `bytes` bytes at both places, and `i` is below `bytes`.
         unsafe { to.add(i).write_volatile(from.add(i).read_volatile()) }
     };
-    if (to as usize) <= (from as usize) { (0..bytes).for_each(copy) } else { (0..bytes).rev().for_each(copy) }
+    if (to as usize) <= (from as usize) {
+        (0..bytes).for_each(copy)
+    } else {
+        (0..bytes).rev().for_each(copy)
+    }
     to
 }
 
