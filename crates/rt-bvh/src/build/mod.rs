@@ -22,28 +22,39 @@ use rt_core::{Node, Scene, SceneError, SceneParts};
 pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
     let gathered = gather::gather(mesh, options.invalid)?;
     let max_leaf = options.max_leaf.max(1);
-    let mut report = BuildReport {
-        builder: options.builder,
-        fallback: None,
-        triangles: mesh.indices.len() as u32,
+    let (scene, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1))?;
+    let report = BuildReport {
+        builder,
+        fallback,
+        triangles: gathered.primitive_count,
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
     };
-    let scene = match options.builder {
-        Builder::Sah => finish(&gathered, sah::build(&gathered.references, max_leaf))?,
-        #[cfg(feature = "obvhs")]
-        Builder::Ploc(quality) => match ploc::build(&gathered.references, quality, max_leaf).and_then(|tree| {
-            // Too deep a tree is found by the scene's own check.
-            finish(&gathered, tree).map_err(|_| Fallback::TooDeep)
-        }) {
-            Ok(scene) => scene,
-            Err(reason) => {
-                (report.builder, report.fallback) = (Builder::Sah, Some(reason));
-                finish(&gathered, sah::build(&gathered.references, max_leaf))?
-            }
-        },
-    };
     Ok(Built { scene, report })
+}
+
+/// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
+fn grow(
+    gathered: &Gathered,
+    builder: Builder,
+    max_leaf: u32,
+) -> Result<(Scene, Builder, Option<Fallback>), BuildError> {
+    let fallback = match builder {
+        Builder::Sah => None,
+        #[cfg(feature = "obvhs")]
+        Builder::Ploc(quality) => {
+            let scene = ploc::build(&gathered.references, quality, max_leaf).and_then(|tree| {
+                // Too deep a tree is found by the scene's own check.
+                finish(gathered, tree).map_err(|_| Fallback::TooDeep)
+            });
+            match scene {
+                Ok(scene) => return Ok((scene, builder, None)),
+                Err(reason) => Some(reason),
+            }
+        }
+    };
+    let scene = finish(gathered, sah::build(&gathered.references, max_leaf))?;
+    Ok((scene, Builder::Sah, fallback))
 }
 
 /// What a builder makes of references: nodes, and the references' positions in leaf order.
