@@ -35,12 +35,7 @@ impl Models {
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
-    pub(crate) fn launched<'a>(
-        &mut self,
-        kind: StreamKind,
-        launch: &LaunchDone,
-        left: impl Fn(TaskId) -> &'a Work,
-    ) {
+    pub(crate) fn launched<'a>(&mut self, kind: StreamKind, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
         let calibration = &mut self.launches[class(kind)];
         let seconds = launch.span.duration().as_secs_f64();
         if launch.per_task {
