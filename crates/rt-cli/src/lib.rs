@@ -6,6 +6,7 @@ mod balance;
 pub mod chart;
 mod devices;
 mod frame;
+pub mod image;
 mod interrupt;
 mod list;
 pub mod npy;

@@ -5,7 +5,7 @@ use crate::frame::{BYTES_PER_RAY, Film, Renderer};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
-use crate::{chart, devices, interrupt, output, table};
+use crate::{chart, devices, image, interrupt, output, table};
 use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
@@ -115,7 +115,7 @@ fn write_picture(out: &Path, frame: u32, args: &RenderArgs, film: &Film) -> Resu
     let radiance = film.radiance();
     let scale = exposure(&radiance);
     let exposed: Vec<Vec3> = radiance.into_iter().map(|c| c * scale).collect();
-    chart::image::write_png(&out.join(name), args.size[0], args.size[1], &exposed)
+    image::write_png(&out.join(name), args.size[0], args.size[1], &exposed)
 }
 
 fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> Result<()> {
