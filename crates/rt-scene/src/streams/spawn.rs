@@ -135,7 +135,12 @@ impl Spawner<'_> {
         let dimension = self.bounce.wrapping_mul(2).wrapping_add(purpose);
         let end = range.end.min(self.rays.len()).min(u32::try_from(self.hits.len()).unwrap_or(u32::MAX));
         let start = range.start.min(end);
-        let mut out = Spawned::default();
+        let most = (end - start) as usize;
+        let mut out = Spawned {
+            rays: Vec::with_capacity(most),
+            origins: Vec::with_capacity(most),
+            parents: Vec::with_capacity(most),
+        };
         for parent in start..end {
             let hit = &self.hits[parent as usize];
             // A miss has no triangle either.

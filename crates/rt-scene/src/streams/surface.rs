@@ -27,7 +27,7 @@ impl SurfacePoint {
             return None;
         }
         let normal = triangle.area_normal();
-        let normal = normal / normal.length();
+        let normal = normal * (1.0 / normal.length());
         if !normal.is_finite() {
             return None;
         }
