@@ -33,7 +33,7 @@ impl BenchScene {
         let path = Path::new(scene);
         let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
         let listed = camera_beside(path);
-        let view = model.view.or(listed).unwrap_or_else(|| view::auto_view(&model, 1.6));
+        let view = model.view.or(listed).unwrap_or_else(|| view::auto_view(&model));
         Ok(Self { name, model, view })
     }
 
