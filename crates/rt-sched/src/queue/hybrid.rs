@@ -4,6 +4,7 @@ use super::ledger::Ledger;
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
+use crate::policy::total;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -64,9 +65,11 @@ impl HybridQueue {
                 before.push(sum);
             }
         }
+        let sum = total(work);
         let pace = |device| {
-            let seconds: f64 = work.iter().map(|w| model(device).seconds(w)).sum();
-            Pace { speed: if seconds > 0.0 { 1.0 / seconds } else { 1.0 }, launch: model(device).per_launch() }
+            let d = model(device);
+            let seconds = d.per_ray() * sum[0] + d.per_box() * sum[1] + d.per_triangle() * sum[2];
+            Pace { speed: if seconds > 0.0 { 1.0 / seconds } else { 1.0 }, launch: d.per_launch() }
         };
         Self {
             slots: Slots::new(schedule),

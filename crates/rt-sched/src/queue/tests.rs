@@ -289,7 +289,7 @@ fn launches_have_the_promised_sizes() {
     let hybrid = HybridQueue::new(&Block.schedule(&uniform, &devices), &uniform, &devices);
     let sizes: Vec<usize> = core::iter::from_fn(|| {
         let launch = hybrid.pop(0, &mut out) == Pop::Launch;
-        launch.then(|| out.len())
+        launch.then_some(out.len())
     })
     .collect();
     assert_eq!(sizes[..5], [8, 4, 2, 1, 1], "halves of what is left");
