@@ -17,7 +17,7 @@ fn load(text: impl AsRef<[u8]>, options: &LoadOptions) -> Result<Loaded, LoadErr
 }
 
 fn good(text: impl AsRef<[u8]>) -> Loaded {
-    load(text, &LoadOptions::default()).unwrap()
+    load(text, &LoadOptions::default()).expect("a good text")
 }
 
 /// The corners of every triangle.
@@ -203,10 +203,20 @@ fn piece() -> impl Strategy<Value = Vec<u8>> {
         "\x0b",
         "\r",
     ]);
-    prop_oneof![8 => word.prop_map(|w| w.as_bytes().to_vec()), 1 => prop::collection::vec(any::<u8>(), 0..6)]
+    let usual = prop::sample::select(vec![
+        "v 1 2 3\n",
+        "v 0 0 1\n",
+        "f 1 2 1\n",
+        "usemtl a\n",
+        "mtllib a\n",
+        "f -1 -2/1/1 -1\n",
+    ]);
+    prop_oneof![8 => usual.prop_map(|w| w.as_bytes().to_vec()), 4 => word.prop_map(|w| w.as_bytes().to_vec()), 1 => prop::collection::vec(any::<u8>(), 0..6)]
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig::with_cases(3000))]
+
     /// Guards: no input panics, and what loads is whole. Fails when `material::clean` passes `Kd` lines through
     /// (tobj unwraps three numbers), when `parse_index` does not saturate, and when faces keep texture indices.
     #[test]

@@ -5,9 +5,11 @@ mod plan;
 pub use plan::Plan;
 
 use crate::Model;
+use crate::frame::frame;
 use rt_core::{Aabb, Triangle};
 use serde::Serialize;
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Height over longest edge, without a unit, below which a triangle counts as a sliver.
@@ -17,7 +19,7 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 pub const SLIVER_ASPECT: f64 = 1.0 / 4096.0;
 
 /// Height over the diagonal of the scene, without a unit, below which single precision can decide nothing about a
-/// triangle.
+/// triangle. Far outliers such as a ground to the horizon do not count for the diagonal: few rays start there.
 ///
 /// Seen from a ray `D` away, `D` up to the diagonal, a sheared vertex is off by about `4 · 2⁻²⁴ D`, and the edge function of
 /// an edge of length `L` by twice that times `L`. The largest value that it takes inside a triangle of height `h` is `L h`.
@@ -36,8 +38,8 @@ pub struct Scan {
     pub slivers: u64,
     /// Least height over longest edge of the triangles with area; `None` (null) where there are none.
     pub thinnest_aspect: Option<f64>,
-    /// Triangles with area whose height is less than [`FILTER_RESOLUTION`] of the diagonal: every test of one needs
-    /// double precision.
+    /// Triangles with area whose height is less than [`FILTER_RESOLUTION`] of the diagonal: nearly every test of one
+    /// needs double precision.
     pub unresolved: u64,
     /// Triangles with area that have the same three corners, in any order, as one before them.
     pub duplicates: u64,
@@ -72,8 +74,11 @@ impl Scan {
             offset_ratio: None,
             colours: if model.colour_of.is_empty() { 1 } else { model.palette.len() as u64 },
         };
-        let finite = || triangles(model).filter(Triangle::is_finite);
-        scan.non_finite = scan.triangles - finite().inspect(|t| bounds = bounds.union(t.bounds())).count() as u64;
+        scan.non_finite = scan.triangles;
+        for (_, triangle) in finite(model) {
+            scan.non_finite -= 1;
+            bounds = bounds.union(triangle.bounds());
+        }
         if bounds.is_empty() {
             return scan;
         }
@@ -82,10 +87,11 @@ impl Scan {
         scan.extent = edges.max_element();
         let largest = f64::from(bounds.min.abs().max(bounds.max.abs()).max_element());
         scan.offset_ratio = (scan.extent > 0.0).then(|| largest / scan.extent);
-        let unresolved = FILTER_RESOLUTION * edges.length();
-        let mut seen = Seen::default();
+        let (low, high) = frame(model).unwrap_or_default();
+        let unresolved = FILTER_RESOLUTION * (high - low).length();
+        let mut seen = Seen::new(model);
         let mut thinnest = f64::INFINITY;
-        for triangle in finite() {
+        for (number, triangle) in finite(model) {
             let Some((height, longest)) = height(&triangle) else {
                 scan.degenerate += 1;
                 continue;
@@ -94,7 +100,7 @@ impl Scan {
             thinnest = thinnest.min(aspect);
             scan.slivers += u64::from(aspect < SLIVER_ASPECT);
             scan.unresolved += u64::from(height < unresolved);
-            scan.duplicates += u64::from(seen.contains_or_insert(&triangle));
+            scan.duplicates += u64::from(seen.contains_or_insert(&triangle, number));
         }
         scan.thinnest_aspect = thinnest.is_finite().then_some(thinnest);
         scan
@@ -107,10 +113,10 @@ impl Scan {
     }
 }
 
-/// Every triangle whose vertices exist.
-fn triangles(model: &Model) -> impl Iterator<Item = Triangle> {
-    let point = |i: u32| model.positions.get(i as usize).copied();
-    model.indices.iter().filter_map(move |&[a, b, c]| Some(Triangle::new(point(a)?, point(b)?, point(c)?)))
+/// Every triangle whose vertices exist and are finite, with its number.
+fn finite(model: &Model) -> impl Iterator<Item = (u32, Triangle)> {
+    let numbers = 0..u32::try_from(model.indices.len()).unwrap_or(u32::MAX);
+    numbers.filter_map(|i| Some((i, model.triangle(i)?))).filter(|(_, triangle)| triangle.is_finite())
 }
 
 /// Height over the longest edge, and the length of that edge; `None` without area.
@@ -121,29 +127,43 @@ fn height(triangle: &Triangle) -> Option<(f64, f64)> {
     (height > 0.0).then_some((height, longest))
 }
 
-/// A set of triangles that differ in their corners.
-#[derive(Debug, Default)]
-struct Seen {
-    /// The corners of the first triangle with each fingerprint. Of two different triangles with one fingerprint, which
-    /// among a million happens once in 10⁷ models, the second one's copies are not noticed.
-    first: HashMap<u64, [[u32; 3]; 3]>,
+/// Triangles that differ in their corners, each known by its number.
+#[derive(Debug)]
+struct Seen<'a> {
+    model: &'a Model,
+    /// The first triangle with each fingerprint. Of two different triangles with one fingerprint, which among a million
+    /// happens once in 10⁷ models, the second one's copies are not noticed.
+    first: HashMap<u64, u32>,
 }
 
-impl Seen {
-    /// Whether the corners were there already; if not, they are now.
-    fn contains_or_insert(&mut self, triangle: &Triangle) -> bool {
-        // Adding zero makes the two zeros one.
-        let mut corners = triangle.vertices().map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));
-        corners.sort_unstable();
+impl<'a> Seen<'a> {
+    fn new(model: &'a Model) -> Self {
+        Self { model, first: HashMap::with_capacity(model.indices.len()) }
+    }
+
+    /// Whether an earlier triangle has the corners of this one; if not, it is remembered as `number`.
+    fn contains_or_insert(&mut self, triangle: &Triangle, number: u32) -> bool {
+        let corners = sorted_corners(triangle);
         let mut hasher = DefaultHasher::new();
         corners.hash(&mut hasher);
-        let mut is_new = false;
-        let first = self.first.entry(hasher.finish()).or_insert_with(|| {
-            is_new = true;
-            corners
-        });
-        !is_new && *first == corners
+        match self.first.entry(hasher.finish()) {
+            Entry::Vacant(entry) => {
+                entry.insert(number);
+                false
+            }
+            Entry::Occupied(entry) => {
+                self.model.triangle(*entry.get()).is_some_and(|first| sorted_corners(&first) == corners)
+            }
+        }
     }
+}
+
+/// The same for triangles with the same corners in any order.
+fn sorted_corners(triangle: &Triangle) -> [[u32; 3]; 3] {
+    // Adding zero makes the two zeros one.
+    let mut corners = triangle.vertices().map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));
+    corners.sort_unstable();
+    corners
 }
 
 #[cfg(test)]
