@@ -1,5 +1,6 @@
 //! Cameras: one for a model that brings none, and turning it for animations.
 
+use crate::frame::frame;
 use crate::{Model, View};
 use glam::{DQuat, DVec3, Vec3};
 
@@ -9,14 +10,6 @@ const FOV_DEGREES: f32 = 40.0;
 /// From the target to the camera: a three-quarter view from the front right, somewhat above. Along no axis, so that a
 /// flat model is never seen edge-on.
 const TOWARDS_EYE: DVec3 = DVec3::new(0.6, 0.45, 1.0);
-
-/// Share of the triangles that may be outliers on each side of each axis: few large triangles (a ground, a sky) stay
-/// below it, while no part worth looking at does.
-const OUTLIERS: f64 = 0.01;
-
-/// How many times longer than the frame without outliers the whole model must be for outliers to be left out of the
-/// frame. Below it the whole model still fills a good part of the picture.
-const FAR_LARGER: f64 = 4.0;
 
 /// Air around the frame.
 const MARGIN: f64 = 1.05;
@@ -29,7 +22,7 @@ const MARGIN: f64 = 1.05;
 /// gets a view too: [`View::camera`] never fails on the result.
 #[must_use]
 pub fn auto_view(model: &Model) -> View {
-    let (low, high) = frame(model);
+    let (low, high) = frame(model).unwrap_or_default();
     let target = (low + high) / 2.0;
     let half = (high - low) / 2.0;
     let back = TOWARDS_EYE.normalize();
@@ -63,38 +56,6 @@ pub fn orbit(view: &View, angle: f32) -> View {
     let target = view.target.as_dvec3();
     let turn = DQuat::from_axis_angle(axis, f64::from(angle));
     View { eye: (target + turn * (view.eye.as_dvec3() - target)).as_vec3(), ..*view }
-}
-
-/// The box to show: all finite triangles, or those between the outliers.
-fn frame(model: &Model) -> (DVec3, DVec3) {
-    let bounds = || {
-        let triangles = (0..model.indices.len()).filter_map(|i| model.triangle(u32::try_from(i).ok()?));
-        triangles.filter(|t| t.is_finite()).map(|t| t.bounds())
-    };
-    let whole = bounds().fold(rt_core::Aabb::EMPTY, |all, b| all.union(b));
-    if whole.is_empty() {
-        return (DVec3::ZERO, DVec3::ZERO);
-    }
-    let (low, high) = (whole.min.as_dvec3(), whole.max.as_dvec3());
-    let count = bounds().count();
-    let outliers = (OUTLIERS * count as f64) as usize;
-    // Percentiles of both ends of the triangles, not of their centroids: a huge triangle may be centred on the subject.
-    let (mut inner_low, mut inner_high) = (low, high);
-    let mut ends = Vec::with_capacity(count);
-    for axis in 0..3 {
-        ends.extend(bounds().map(|b| b.min[axis]));
-        inner_low[axis] = f64::from(*ends.select_nth_unstable_by(outliers, f32::total_cmp).1);
-        ends.clear();
-        ends.extend(bounds().map(|b| b.max[axis]));
-        inner_high[axis] = f64::from(*ends.select_nth_unstable_by(count - 1 - outliers, f32::total_cmp).1);
-        ends.clear();
-    }
-    let inner = inner_high - inner_low;
-    if inner.min_element() >= 0.0 && (high - low).length() > FAR_LARGER * inner.length() && inner.length() > 0.0 {
-        (inner_low, inner_high)
-    } else {
-        (low, high)
-    }
 }
 
 #[cfg(test)]

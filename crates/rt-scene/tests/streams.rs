@@ -54,7 +54,7 @@ fn sphere(subdivisions: u32, radius: f32, centre: Vec3) -> Model {
 }
 
 fn triangles(model: &Model) -> Vec<Triangle> {
-    (0..model.indices.len() as u32).map(|i| model.triangle(i).unwrap()).collect()
+    (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect()
 }
 
 /// Whether every vertex lies on or below every face's plane, in exact enough arithmetic.
