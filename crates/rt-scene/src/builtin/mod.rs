@@ -1,5 +1,6 @@
 //! The built-in scenes: a garden and a car, made by formula, the same bits on every platform.
 
+mod car;
 mod mesh;
 mod yard;
 
@@ -15,5 +16,5 @@ pub fn yard() -> Model {
 /// c
 #[must_use]
 pub fn car() -> Model {
-    Default::default()
+    car::build()
 }
