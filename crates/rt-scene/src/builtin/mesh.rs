@@ -3,6 +3,7 @@
 //! Everything is plain single-precision arithmetic, square roots and `libm`, so a scene has the same bits on every
 //! platform.
 
+use crate::{Model, View};
 use glam::Vec3;
 use std::f32::consts::TAU;
 
@@ -33,11 +34,6 @@ impl Palette {
     /// Adds several colours.
     pub(super) fn add_all<const N: usize>(&mut self, rgb: [u32; N]) -> [Colour; N] {
         rgb.map(|colour| self.add(colour))
-    }
-
-    /// The colours in the order they were added.
-    pub(super) fn into_colours(self) -> Vec<Vec3> {
-        self.0
     }
 }
 
@@ -189,6 +185,29 @@ impl Mesh {
             [first + a, first + b, first + c]
         }));
         self.colour_of.extend_from_slice(&other.colour_of);
+    }
+
+    /// The finished scene, without the vertices that no triangle uses, such as all but one of each pole's.
+    pub(super) fn into_model(self, source: &str, palette: Palette, view: View) -> Model {
+        let mut moved = vec![u32::MAX; self.positions.len()];
+        let mut positions = Vec::new();
+        let mut move_vertex = |i: u32| {
+            let slot = &mut moved[i as usize];
+            if *slot == u32::MAX {
+                *slot = positions.len() as u32;
+                positions.push(self.positions[i as usize]);
+            }
+            *slot
+        };
+        let indices = self.indices.iter().map(|corners| corners.map(&mut move_vertex)).collect();
+        Model {
+            source: source.into(),
+            positions,
+            indices,
+            palette: palette.0,
+            colour_of: self.colour_of,
+            view: Some(view),
+        }
     }
 
     /// Adds a box of `size`, centred in the frame: 12 triangles.

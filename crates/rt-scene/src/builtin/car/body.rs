@@ -8,9 +8,9 @@ use crate::builtin::mesh::Mesh;
 use glam::{Vec2, Vec3};
 
 /// Strips along and around the left half of the shell: about 2 cm by 1.5 cm.
-const STRIPS: [u32; 2] = [252, 88];
-/// Half the width of the gap around doors and lids: 3 mm, as cars have.
-const GAP: f32 = 0.003;
+const STRIPS: [u32; 2] = [228, 76];
+/// Half the width of the gaps around doors and lids: a little more than cars have, to show at a distance.
+const GAP: f32 = 0.0045;
 /// How far inside the wheel houses reach: their inner wall's z.
 const INNER_WALL: f32 = 0.50;
 
@@ -59,7 +59,7 @@ pub(super) fn grille_field(p: Vec3) -> f32 {
     rounded(Vec2::new(p.z.abs() * narrow, p.y), Vec2::new(0.0, 0.375), Vec2::new(0.42, 0.085), 0.05).max(1.5 - p.x)
 }
 
-fn intake_field(p: Vec3) -> f32 {
+pub(super) fn intake_field(p: Vec3) -> f32 {
     let skew = Vec2::new(p.z - 0.25 * (p.y - 0.36), p.y);
     rounded(skew, Vec2::new(0.655, 0.355), Vec2::new(0.085, 0.075), 0.03).max(1.5 - p.x)
 }
@@ -100,23 +100,29 @@ fn tail(mesh: &mut Mesh, paint: &Paint, shell: &mut Surface) {
     shell.colour(mesh, paint.black, |p, _| (p.y - 0.385).max(rear(p)).max(p.z - 0.80));
 }
 
-/// The gaps of doors, bonnet, boot lid and fuel flap.
+/// The gaps of doors, bonnet, boot lid, fuel flap and front bumper: a line each, and where it is drawn (below zero).
 fn gaps(mesh: &mut Mesh, paint: &Paint, shell: &mut Surface) {
+    type Field<'a> = &'a dyn Fn(Vec3) -> f32;
     let door = |p: Vec3| {
-        let skew = Vec2::new(p.x + 0.10 * (p.y - 0.55), p.y);
-        rounded(skew, Vec2::new(0.16, 0.66), Vec2::new(0.62, 0.385), 0.10).max(0.5 - p.z)
+        let lean = Vec2::new(p.x + 0.10 * (p.y - 0.55), p.y);
+        rounded(lean, Vec2::new(0.16, 0.66), Vec2::new(0.62, 0.385), 0.10)
     };
     let bonnet = |p: Vec3| {
         let half = 0.665 - 0.05 * (p.x - 1.0);
-        rounded(Vec2::new(p.x, p.z), Vec2::new(1.25, 0.0), Vec2::new(0.66, half), 0.12).max(0.5 - p.y)
+        rounded(Vec2::new(p.x, p.z), Vec2::new(1.25, 0.0), Vec2::new(0.66, half), 0.12)
     };
-    let boot =
-        |p: Vec3| rounded(Vec2::new(p.x, p.z), Vec2::new(-1.82, 0.0), Vec2::new(0.30, 0.60), 0.10).max(0.7 - p.y);
-    let flap = |p: Vec3| (Vec2::new(p.x + 1.32, p.y - 0.80).length() - 0.07).max(0.5 - p.z);
-    let bumper =
-        |p: Vec3| ((p.x - 1.86 + 0.25 * (p.y - 0.45)).abs() - 0.5 * GAP).max(0.3 - p.y).max(p.y - 0.545).max(0.6 - p.z);
-    for field in [&door as &dyn Fn(Vec3) -> f32, &bonnet, &boot, &flap] {
-        shell.colour(mesh, paint.gap, |p, _| field(p).abs() - GAP);
+    let boot = |p: Vec3| rounded(Vec2::new(p.x, p.z), Vec2::new(-1.82, 0.0), Vec2::new(0.30, 0.60), 0.10);
+    let flap = |p: Vec3| Vec2::new(p.x + 1.32, p.y - 0.80).length() - 0.07;
+    let bumper = |p: Vec3| p.x - 1.86 + 0.25 * (p.y - 0.45);
+    let lines: [(Field<'_>, Field<'_>); 5] = [
+        (&door, &|p| 0.75 - p.z),
+        (&bonnet, &|p| 0.55 - p.y),
+        (&boot, &|p| 0.8 - p.y),
+        (&flap, &|p| 0.5 - p.z),
+        (&bumper, &|p| (0.25 - p.y).max(p.y - 0.545).max(0.6 - p.z)),
+    ];
+    for (line, limit) in lines {
+        shell.score(|p, _| line(p));
+        shell.colour(mesh, paint.gap, |p, _| (line(p).abs() - GAP).max(limit(p)));
     }
-    shell.colour(mesh, paint.gap, |p, _| bumper(p) - 0.5 * GAP);
 }

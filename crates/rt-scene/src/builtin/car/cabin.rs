@@ -19,7 +19,7 @@ const HALF_WIDTH: f32 = 0.785;
 /// Exponent of the horizontal outline: squarish, its corners are the pillars.
 const SQUARE: f32 = 3.4;
 /// Strips around the left half and from the base to the roof.
-const STRIPS: [u32; 2] = [200, 64];
+const STRIPS: [u32; 2] = [160, 54];
 
 /// Front reach, rear reach and half width of the horizontal outline at `h`, 0 at the base and 1 at the roof.
 fn reach(h: f32) -> [f32; 3] {

@@ -104,6 +104,13 @@ impl Surface {
         split.seam
     }
 
+    /// Draws the zeros of a field as edges, so that a band around them, however thin, can be cut out afterwards.
+    pub(super) fn score(&mut self, field: impl Fn(Vec3, Vec2) -> f32) {
+        let Split { mut outside, inside, .. } = self.split(field);
+        outside.triangles.extend(inside.triangles);
+        *self = outside;
+    }
+
     /// Cuts out a region and adds it to `mesh` in its own colour.
     pub(super) fn colour(&mut self, mesh: &mut Mesh, colour: Colour, field: impl Fn(Vec3, Vec2) -> f32) {
         let split = self.split(field);
@@ -128,9 +135,14 @@ impl Surface {
 }
 
 /// Adds a strip from every edge of a seam to its image under `to`: the thickness of a panel, the wall of a recess.
+/// Edges that only move along themselves sweep no area and are left out.
 pub(super) fn flange(mesh: &mut Mesh, seam: &[[Vec3; 2]], colour: Colour, to: impl Fn(Vec3) -> Vec3) {
     for &[a, b] in seam {
-        mesh.face(&[b, a, to(a), to(b)], colour);
+        // In square metres, squared: a strip a micrometre wide is none.
+        let swept = |p: Vec3| (b - a).cross(to(p) - p).length_squared();
+        if swept(a).min(swept(b)) > 1e-16 {
+            mesh.face(&[b, a, to(a), to(b)], colour);
+        }
     }
 }
 

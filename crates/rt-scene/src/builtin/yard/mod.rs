@@ -30,19 +30,9 @@ pub(super) fn build() -> Model {
     shrubs(&mut mesh, &paint);
     flowers(&mut mesh, &paint);
     grass(&mut mesh, &paint);
-    Model {
-        source: "builtin:yard".into(),
-        positions: mesh.positions,
-        indices: mesh.indices,
-        palette: palette.into_colours(),
-        colour_of: mesh.colour_of,
-        view: Some(View {
-            eye: Vec3::new(-0.9, 1.55, 10.6),
-            target: Vec3::new(-0.5, 2.95, -4.0),
-            up: Vec3::Y,
-            fov_degrees: 46.0,
-        }),
-    }
+    let view =
+        View { eye: Vec3::new(-0.9, 1.55, 10.6), target: Vec3::new(-0.5, 2.95, -4.0), up: Vec3::Y, fov_degrees: 46.0 };
+    mesh.into_model("builtin:yard", palette, view)
 }
 
 /// Middle of the bed in the lawn, in the plane (x, z), and its half-axes.
