@@ -258,6 +258,24 @@ fn points_lie_where_the_parent_met_the_surface() {
 }
 
 #[test]
+fn every_bounce_and_purpose_has_its_own_numbers() {
+    let model = sphere(0, 1.0, Vec3::ZERO);
+    let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 100, true);
+    // A sun of half the sky, so that its rays spread like diffuse ones.
+    let sun = Sun::new(Vec3::Y, 1.5).unwrap();
+    let directions = |seed, bounce| {
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed, bounce };
+        let direction = |ray: &Ray| ray.direction.to_array().map(f32::to_bits);
+        let [diffuse, shadow] = [spawner.diffuse(0..100), spawner.shadow(&sun, 0..100)];
+        assert!(shadow.rays.len() > 10);
+        [diffuse, shadow].map(|out| out.rays.iter().map(direction).collect::<Vec<_>>())
+    };
+    let all = [directions(1, 0), directions(1, 1), directions(1, 2), directions(2, 0)].concat().concat();
+    let distinct: std::collections::HashSet<_> = all.iter().collect();
+    assert_eq!(distinct.len(), all.len());
+}
+
+#[test]
 #[ignore = "a measurement: run with --release --nocapture"]
 fn speed_of_one_thread() {
     let model = sphere(5, 1.0, Vec3::ZERO);
