@@ -112,11 +112,7 @@ fn errors_name_file_line_and_remedy() {
             assert!(error.to_string().contains(part), "{error}\n lacks {part:?}");
         }
     }
-    let options = {
-        let mut o = LoadOptions::default();
-        o.max_triangles = 2;
-        o
-    };
+    let options = LoadOptions { max_triangles: 2, ..LoadOptions::default() };
     assert!(load(with("f 1 2 3 1\n"), &options).is_ok());
     let error = load(with("f 1 2 3 1 2\n"), &options).unwrap_err().to_string();
     assert!(error.contains("test.obj: more than 2 triangles"), "{error}");
@@ -124,8 +120,7 @@ fn errors_name_file_line_and_remedy() {
 
 #[test]
 fn invalid_vertices_can_be_kept_and_are_counted() {
-    let mut options = LoadOptions::default();
-    options.drop_invalid = true;
+    let options = LoadOptions { drop_invalid: true, ..LoadOptions::default() };
     let text = format!("{TRIANGLE}v nan 0 0\nv 0 0 -inf\nf 1 2 4\nf 4 5 1\nf 3 2 1\n");
     let loaded = load(&text, &options).unwrap();
     assert_eq!((loaded.invalid_vertices, loaded.invalid_triangles), (2, 2));
@@ -228,8 +223,7 @@ proptest! {
     fn garbage_never_panics(pieces in prop::collection::vec(piece(), 0..40), mtl in prop::collection::vec(piece(), 0..12)) {
         let (text, mtl) = (pieces.concat(), mtl.concat());
         for drop_invalid in [false, true] {
-            let mut options = LoadOptions::default();
-            options.drop_invalid = drop_invalid;
+            let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
             match load_obj_from(&text, "garbage", &options, &|_| Ok(mtl.clone()), &mut |_| {}) {
                 Ok(loaded) => {
                     let model = &loaded.model;

@@ -19,6 +19,7 @@ impl SurfacePoint {
     ///
     /// `None` for a miss, for a triangle without area or with vertices that are not finite, and for weights that are no
     /// weights.
+    #[inline]
     #[must_use]
     pub fn new(triangle: &Triangle, hit: &Hit, incoming: Vec3) -> Option<Self> {
         // Twice as wide as rounding could ever make them.
@@ -48,6 +49,7 @@ impl SurfacePoint {
     /// where rounding went the wrong way.
     ///
     /// A coordinate beyond single precision becomes infinite.
+    #[inline]
     #[must_use]
     pub fn origin(&self) -> Vec3 {
         let point = self.position + self.normal * self.clearance;
