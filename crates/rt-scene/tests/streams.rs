@@ -165,7 +165,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     /// Guards: a spawned ray meets neither its own triangle nor a neighbour in the same plane, at every scale. Fails
-    /// when `SurfacePoint::origin` leaves out the clearance or rounds to nearest, and when the normal is not flipped.
+    /// when `SurfacePoint::origin` leaves out the clearance or rounds to nearest.
     #[test]
     fn no_self_hits_on_random_triangles(model in hinge(), seed in any::<u32>()) {
         let all = triangles(&model);
