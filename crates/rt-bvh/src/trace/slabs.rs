@@ -86,7 +86,7 @@ impl Frame {
     }
 
     /// The ray in local coordinates; `None` when it is invalid, or starts unreachably far away.
-    #[inline]
+    #[inline(always)]
     pub(super) fn localize(&self, ray: &Ray) -> Option<LocalRay> {
         if !ray.is_valid() {
             return None;
