@@ -52,7 +52,7 @@ pub(super) fn extent(run: &StreamRun) -> (f64, f64) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::timeline::tests::{launch, run};
+    use super::super::samples::{launch, run};
     use super::*;
 
     // Fails when `rows` keeps the activities' own starts.

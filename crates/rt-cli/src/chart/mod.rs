@@ -9,6 +9,8 @@
 mod bars;
 mod canvas;
 pub mod cost;
+#[cfg(test)]
+mod samples;
 mod scale;
 pub mod timeline;
 pub mod trace;

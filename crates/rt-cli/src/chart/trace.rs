@@ -85,7 +85,7 @@ fn names(runs: &[StreamRun], devices: usize) -> Vec<Value> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::timeline::tests::{launch, run};
+    use super::super::samples::{launch, run};
     use super::*;
 
     #[test]
