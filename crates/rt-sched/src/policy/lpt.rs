@@ -41,23 +41,31 @@ impl Policy for Lpt {
 /// All devices have one cost model: the cost in the rank is all that is needed, and reading the work again, in sorted
 /// order, would miss the cache.
 fn equal(work: &[Work], devices: usize, model: &CostModel) -> Schedule {
+    let bits = bits_for(devices);
+    let empty: Vec<u64> = (0..devices as u64).collect();
+    if devices <= FEW {
+        deal(work, devices, model, SortedLoads::new(&empty, bits))
+    } else {
+        deal(work, devices, model, WinnerTree::new(&empty))
+    }
+}
+
+fn deal<L: Loads>(work: &[Work], devices: usize, model: &CostModel, mut loads: L) -> Schedule {
     let ranking = dearest_first(work.iter().map(|w| model.seconds(w)));
     let bits = bits_for(devices);
     let mask = (1 << bits) - 1;
-    let empty: Vec<u64> = (0..devices as u64).collect();
-    let mut tree = WinnerTree::new(&empty);
     // An eighth more than the mean, so that few lists grow and little memory is wasted.
     let capacity = work.len() / devices * 9 / 8 + 1;
     let mut lists: Vec<Vec<TaskId>> = (0..devices).map(|_| Vec::with_capacity(capacity)).collect();
     for task in ranking.order {
         // One unit more than the cost, so that tasks that cost nothing are dealt evenly. Cannot wrap below 2³¹ tasks.
-        let finish = tree.first().wrapping_add((u64::from(task.share()) + 1) << bits);
+        let finish = loads.first().wrapping_add((u64::from(task.share()) + 1) << bits);
         let device = (finish & mask) as usize;
         lists[device].push(task.task());
-        tree.replace(device, finish);
+        loads.replace_first(device, finish);
     }
     let seconds = lists.iter().enumerate().map(|(device, list)| {
-        let units = (tree.leaf(device) >> bits) - list.len() as u64;
+        let units = (loads.of(device) >> bits).saturating_sub(list.len() as u64);
         if list.is_empty() { 0.0 } else { model.per_launch() + units as f64 * ranking.unit }
     });
     let seconds = seconds.collect();
@@ -98,11 +106,11 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
             }
             let device = (finish & ((1 << units.device_bits) - 1)) as usize;
             lists[device].push(task.task());
-            trees[class].replace(leaf[device], finish);
+            trees[class].replace_first(leaf[device], finish);
         }
     }
     let seconds = lists.iter().enumerate().map(|(device, list)| {
-        let packed = trees[classes.of[device]].leaf(leaf[device]);
+        let packed = trees[classes.of[device]].of(leaf[device]);
         let used = (packed >> units.device_bits) - list.len() as u64;
         if list.is_empty() { 0.0 } else { used as f64 / units.per_second }
     });
@@ -198,6 +206,55 @@ impl Units {
     }
 }
 
+/// Packed loads, one per device, of which the least is wanted again and again.
+trait Loads {
+    /// The least word.
+    fn first(&self) -> u64;
+    /// The word of a device, which is the position it was made at.
+    fn of(&self, device: usize) -> u64;
+    /// Replaces the least word, that of `device`, by a greater one.
+    fn replace_first(&mut self, device: usize, word: u64);
+}
+
+/// Up to this many devices, keeping the loads sorted in registers is faster than a tree in memory.
+const FEW: usize = 8;
+
+/// A few loads in increasing order.
+struct SortedLoads {
+    words: [u64; FEW],
+    bits: u32,
+}
+
+impl SortedLoads {
+    fn new(words: &[u64], bits: u32) -> Self {
+        let mut sorted = [u64::MAX; FEW];
+        sorted[..words.len()].copy_from_slice(words);
+        Self { words: sorted, bits }
+    }
+}
+
+impl Loads for SortedLoads {
+    fn first(&self) -> u64 {
+        self.words[0]
+    }
+
+    fn of(&self, device: usize) -> u64 {
+        let mask = (1 << self.bits) - 1;
+        self.words.iter().copied().find(|word| word & mask == device as u64 && *word != u64::MAX).unwrap_or(0)
+    }
+
+    /// One step of insertion sort without a branch: all words move at once.
+    #[inline]
+    fn replace_first(&mut self, _: usize, word: u64) {
+        let old = self.words;
+        self.words[0] = old[1].min(word);
+        for i in 1..FEW - 1 {
+            self.words[i] = old[i + 1].min(word).max(old[i]);
+        }
+        self.words[FEW - 1] = old[FEW - 1].max(word);
+    }
+}
+
 /// The least of a set of words that change one at a time: a complete tree of minima (D. Knuth, *The Art of Computer
 /// Programming* 3, 5.4.1, "tree of winners"), four children to a node.
 ///
@@ -227,17 +284,19 @@ impl WinnerTree {
         }
         Self { nodes, width }
     }
+}
 
+impl Loads for WinnerTree {
     fn first(&self) -> u64 {
         self.nodes[self.nodes.len() - 1]
     }
 
-    fn leaf(&self, leaf: usize) -> u64 {
+    fn of(&self, leaf: usize) -> u64 {
         self.nodes[leaf]
     }
 
     #[inline]
-    fn replace(&mut self, leaf: usize, word: u64) {
+    fn replace_first(&mut self, leaf: usize, word: u64) {
         let (mut start, mut width, mut at, mut least) = (0, self.width, leaf, word);
         while width > 1 {
             self.nodes[start + at] = least;
@@ -335,8 +394,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
 
-        /// R. L. Graham's bound. Mutants: `dearest_first` in increasing order; `WinnerTree::replace` that does not
-        /// write the root.
+        /// R. L. Graham's bound. Mutants: `dearest_first` in increasing order; `replace_first` of the tree that
+        /// does not write the root.
         #[test]
         fn is_within_grahams_bound_of_the_optimum(costs in prop::collection::vec(0_u32..100, 1..9), m in 1_usize..4) {
             let exact: Vec<f64> = costs.iter().map(|&c| f64::from(c)).collect();
@@ -347,7 +406,7 @@ mod tests {
             prop_assert!(schedule.makespan() <= best * graham * (1.0 + 1e-9), "{} > {best}", schedule.makespan());
         }
 
-        /// Mutants: `WinnerTree::replace` with `max`, or with two siblings.
+        /// Mutants: `replace_first` of either kind with `max` for `min`; the tree with two siblings.
         #[test]
         fn loads_of_equal_devices_differ_by_one_task_at_most(
             costs in prop::collection::vec(0.0_f32..1e3, 1..800), m in 1_usize..20,

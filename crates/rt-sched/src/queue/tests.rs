@@ -292,8 +292,8 @@ fn launches_have_the_promised_sizes() {
         launch.then_some(out.len())
     })
     .collect();
-    assert_eq!(sizes[..5], [8, 4, 2, 1, 1], "halves of what is left");
-    assert_eq!(sizes[5], 4, "half of the stolen half of the other's 16");
+    assert_eq!(sizes[..8], [5, 3, 2, 2, 1, 1, 1, 1], "thirds of what is left, at least one task");
+    assert_eq!(sizes[8], 2, "a third of the stolen half of the other's 16");
     assert_eq!(sizes.iter().sum::<usize>(), 32, "in the end all is stolen");
 }
 
