@@ -8,7 +8,7 @@ use std::collections::HashSet;
 /// Each scene with its number of triangles, its fingerprint, and a box in metres that it must fill but not leave
 /// (without floor and meadow).
 const EXPECTED: [(fn() -> Model, usize, u64); 2] =
-    [(yard, 213_802, 0x18c2_0fae_73fa_f332), (car, 234_443, 0x4b55_37e2_c898_e819)];
+    [(yard, 213_802, 0x9ade_8a95_2faa_8774), (car, 234_443, 0x4b55_37e2_c898_e819)];
 
 /// FNV-1a (G. Fowler, L. C. Noll, K.-P. Vo) over every bit of positions, indices, colours and palette.
 fn fingerprint(model: &Model) -> u64 {

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 /// The lawn's lower and upper corner in the plane (x, z), in metres.
-pub(super) const LAWN: [Vec2; 2] = [Vec2::new(-13.0, -13.0), Vec2::new(13.0, 12.0)];
+pub(super) const LAWN: [Vec2; 2] = [Vec2::new(-13.0, -13.0), Vec2::new(13.0, 16.0)];
 
 /// Adds a level rectangle that faces up.
 fn level(mesh: &mut Mesh, [low, high]: [Vec2; 2], y: f32, colour: Colour) {
@@ -18,7 +18,7 @@ fn level(mesh: &mut Mesh, [low, high]: [Vec2; 2], y: f32, colour: Colour) {
 pub(super) fn lawn(mesh: &mut Mesh, paint: &Paint) {
     let [low, high] = LAWN;
     // Few and long: every piece more is nodes that each ray to the lawn must pass.
-    let stripes = 10;
+    let stripes = 12;
     let width = (high.x - low.x) / stripes as f32;
     for i in 0..stripes {
         let x = low.x + i as f32 * width;

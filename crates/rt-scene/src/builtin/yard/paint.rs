@@ -48,7 +48,7 @@ impl Paint {
     pub(super) fn new(palette: &mut Palette) -> Self {
         Self {
             lawn: palette.add_all([0x5f_8f_3a, 0x6b_9c_42]),
-            meadow: palette.add(0x7d_a0_52),
+            meadow: palette.add(0x93_aa_72),
             grass: palette.add_all([0x4f_7d_2c, 0x5e_8e_34, 0x72_a2_40, 0x86_ac_4c, 0xa3_b0_5e]),
             oak: palette.add_all([0x2f_5a_22, 0x3c_6a_28, 0x4a_7a_2e, 0x5b_8a_34, 0x6f_98_3e, 0x87_a6_4a]),
             birch: palette.add_all([0x6c_94_34, 0x7f_a6_3e, 0x94_b4_48, 0xab_bf_52, 0xc2_c4_58]),
