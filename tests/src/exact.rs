@@ -43,8 +43,7 @@ struct Point([IBig; 3]);
 fn decode(value: f32) -> (i32, i32) {
     let bits = value.to_bits();
     let (biased, fraction) = (bits >> 23 & 0xff, (bits & 0x7f_ffff) as i32);
-    let (mantissa, exponent) =
-        if biased == 0 { (fraction, -149) } else { (fraction | 0x80_0000, biased as i32 - 150) };
+    let (mantissa, exponent) = if biased == 0 { (fraction, -149) } else { (fraction | 0x80_0000, biased as i32 - 150) };
     (if bits >> 31 == 0 { mantissa } else { -mantissa }, exponent)
 }
 

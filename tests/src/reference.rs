@@ -85,9 +85,8 @@ impl<'a> Reference<'a> {
     pub fn new(triangles: &'a [Triangle]) -> Self {
         let coordinates = core::array::from_fn(|i| triangles.iter().map(|t| t.vertices()[i / 3][i % 3]).collect());
         let finite = triangles.iter().filter(|t| t.is_finite()).flat_map(|t| t.vertices());
-        let bounds = finite.fold([DVec3::MAX, DVec3::MIN], |[min, max], p| {
-            [min.min(p.as_dvec3()), max.max(p.as_dvec3())]
-        });
+        let bounds =
+            finite.fold([DVec3::MAX, DVec3::MIN], |[min, max], p| [min.min(p.as_dvec3()), max.max(p.as_dvec3())]);
         Self { triangles, coordinates, bounds }
     }
 
