@@ -1,2 +1,52 @@
-//! Filled in below.
-fn main() {}
+//! Project automation, run as `cargo xtask`.
+#![forbid(unsafe_code)]
+
+mod apt;
+mod command;
+mod no_std;
+mod scenes;
+mod setup;
+mod test;
+
+use std::process::ExitCode;
+
+const USAGE: &str = "\
+usage: cargo xtask <task>
+
+  setup           put in place what the tests need from outside; does nothing where it is there already
+  test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
+                  single features and the no_std proof
+  no-std          prove that rt-core, rt-bvh and rt-sched need no std
+
+environment:
+
+  RAYBALANCE_SCENES  folder with *.obj or *.obj.xz and cameras.tsv; tests that need scenes are left out without it
+  RT_REQUIRE         what must not be missing, such as `cpu`: a test that lacks it fails instead of being left out;
+                     with CI=true everything that `setup` provides, unless set
+";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let result = match arguments[..] {
+        ["setup"] => setup::setup().map(drop),
+        ["test"] => test::test(test::Extent::Everything),
+        ["test", "--quick"] => test::test(test::Extent::Quick),
+        ["no-std"] => no_std::prove(),
+        ["help" | "--help" | "-h"] => {
+            print!("{USAGE}");
+            Ok(())
+        }
+        _ => {
+            eprint!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

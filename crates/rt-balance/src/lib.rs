@@ -1,4 +1,59 @@
-//! Cost-based balancing of ray tracing over several devices.
+//! Cost-based balancing of ray tracing over several devices: the facade and the driver.
+//!
+//! A [`Balancer`] holds one scene on several devices. It estimates what each task of a stream will cost, deals the
+//! tasks, runs them with one host thread per device, and reports how close the result is to the best possible.
+//!
+//! ```
+//! use rt_balance::{Balancer, Hit, Ray, cpu::CpuDevice};
+//! use std::sync::Arc;
+//!
+//! // A renderer's own buffers: no file, no scene format.
+//! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let indices = [[0, 1, 2]];
+//! let devices: Vec<Arc<dyn rt_balance::Device>> =
+//!     CpuDevice::open_all(&[1, 1])?.into_iter().map(|d| Arc::new(d) as _).collect();
+//! let mut balancer = Balancer::for_mesh(&positions, &indices, &devices)?;
+//!
+//! let rays = vec![Ray::new([0.2, 0.2, 1.0].into(), [0.0, 0.0, -1.0].into()); 10_000];
+//! let mut hits = vec![Hit::MISS; rays.len()];
+//! let run = balancer.trace_rays(&rays, &mut hits)?;
+//! assert!(hits.iter().all(|hit| hit.primitive == 0 && hit.t == 1.0));
+//! println!("{:.1}% imbalance", 100.0 * run.report.imbalance);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Features: each of `cpu` (default) adds one re-export of a backend and nothing else. Any other backend that
+//! implements [`Device`] and [`Tracer`] can be used beside them.
+//!
+//! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
+//! stream; a stream has at most 2³² − 1 rays; backends for GPUs are not there yet.
 #![forbid(unsafe_code)]
 
+mod balancer;
+mod clock;
+mod error;
+mod estimate;
+mod measure;
+pub mod middleware;
+mod models;
+mod plan;
+mod reference;
 pub mod report;
+mod run;
+mod stream;
+
+pub use balancer::Balancer;
+pub use error::BalanceError;
+pub use reference::Reference;
+pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
+
+/// CPU devices (feature `cpu`).
+#[cfg(feature = "cpu")]
+pub use backend_cpu as cpu;
+
+pub use rt_bvh::{BuildOptions, Built, Mesh, build};
+pub use rt_core::{
+    Camera, CameraRays, CostEstimator, Device, Hit, Precision, Query, Ray, RaySource, Scene, StreamKind, StreamSpec,
+    Task, TestCounts, Tracer, Walk, Work,
+};
+pub use rt_sched::{estimate as estimators, policy as policies};

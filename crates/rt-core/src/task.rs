@@ -72,6 +72,24 @@ impl RayMask {
         self.words.iter().map(|w| w.count_ones()).sum()
     }
 
+    /// Number of set bits in a range of rays; the part beyond the mask counts 0.
+    #[must_use]
+    pub fn count_in(&self, rays: Range<u32>) -> u32 {
+        let (first, last) = (rays.start as usize / 64, rays.end as usize / 64);
+        let below = |ray: u32| (1_u64 << (ray % 64)) - 1;
+        let word = |i: usize| self.words.get(i).copied().unwrap_or(0);
+        if rays.is_empty() {
+            0
+        } else if first == last {
+            (word(first) & below(rays.end) & !below(rays.start)).count_ones()
+        } else {
+            let inner = self.words.get(first + 1..last.min(self.words.len())).unwrap_or(&[]);
+            (word(first) & !below(rays.start)).count_ones()
+                + inner.iter().map(|w| w.count_ones()).sum::<u32>()
+                + (word(last) & below(rays.end)).count_ones()
+        }
+    }
+
     /// The bits as 64-bit words, lowest ray in the lowest bit: the form a device uploads.
     #[must_use]
     pub fn words(&self) -> &[u64] {
@@ -100,5 +118,8 @@ mod tests {
         }
         assert_eq!(mask.count(), 4);
         assert!(mask.contains(69) && !mask.contains(1) && !mask.contains(1_000));
+        for (start, end) in [(0, 0), (0, 1), (1, 63), (0, 64), (63, 65), (64, 70), (0, 70), (0, 1_000), (500, 900)] {
+            assert_eq!(mask.count_in(start..end), (start..end).filter(|&r| mask.contains(r)).count() as u32, "{start}..{end}");
+        }
     }
 }

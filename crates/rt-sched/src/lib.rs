@@ -1,3 +1,26 @@
-//! Filled in below.
+//! Everything that decides who traces what: sampling, cost estimators, scheduling policies, task queues, calibration,
+//! a simulator, lower bounds and metrics.
+//!
+//! The crate knows no device. It reads work and cost models, names rays and tasks, and leaves walking and tracing to
+//! its caller, so all of it runs without hardware, on a virtual clock as well as on a real one.
+//!
+//! The way of a stream through it: [`estimate`] names sample rays (chosen by [`sample`]) and turns their counts into
+//! work per task; calibration turns measured launches into each device's seconds for that work; a [`policy`] deals
+//! the tasks; a [`queue`] hands them out launch by launch; bounds and metrics say how good that was.
+//!
+//! `no_std` with `alloc`. Current limits: a policy sees expected costs only, not their standard errors; queues know no
+//! clock, so a device that is late is noticed by others only when they run dry.
 #![no_std]
 #![forbid(unsafe_code)]
+
+extern crate alloc;
+#[cfg(test)]
+extern crate std;
+
+pub mod estimate;
+pub mod policy;
+pub mod queue;
+pub mod sample;
+mod schedule;
+
+pub use schedule::{Schedule, ScheduleError};

@@ -1,0 +1,302 @@
+//! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
+
+use crate::executor::Executor;
+use rt_bvh::Stack;
+use rt_core::{
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
+    Ticket, Tracer, Walk,
+};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// Rays that one thread traces before it looks for more work: large enough to hide the hand-over (about 1 µs), small
+/// enough that a task of 32 × 32 pixels still feeds every thread of a large device.
+const CHUNK: usize = 256;
+
+/// A scene resident on a CPU device.
+#[derive(Debug)]
+pub(crate) struct CpuTracer {
+    jobs: Sender<Job>,
+    rays: u32,
+    source: RaySource,
+    spec: StreamSpec,
+    in_flight: VecDeque<(Ticket, Receiver<Launch>)>,
+    capacity: u32,
+    next_ticket: u64,
+    /// Buffers of finished launches, handed to later ones.
+    spare: Vec<Launch>,
+}
+
+/// What the tracer's thread is asked to do.
+#[derive(Debug)]
+enum Job {
+    Trace { source: RaySource, spec: StreamSpec, tasks: Vec<Task>, done: Option<Arc<RayMask>>, out: Launch, reply: Sender<Launch> },
+    Walk { source: RaySource, spec: StreamSpec, rays: Vec<u32>, walk: Walk, reply: Sender<Walked> },
+}
+
+#[derive(Debug)]
+struct Walked {
+    counts: Vec<TestCounts>,
+    hits: Vec<Hit>,
+    span: Span,
+}
+
+impl CpuTracer {
+    pub(crate) fn new(
+        executor: Arc<Executor>,
+        scene: Arc<Scene>,
+        clock: Clock,
+        capacity: u32,
+    ) -> Result<Self, DeviceError> {
+        let (jobs, inbox) = channel();
+        let worker = Worker { executor, scene, clock };
+        // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
+        // would make a lost tracer's owner wait for it.
+        std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(|e| {
+            DeviceError::new(DeviceErrorKind::OutOfMemory, "the system cannot start another thread").with_source(e)
+        })?;
+        Ok(Self {
+            jobs,
+            rays: 0,
+            source: RaySource::Explicit { rays: Arc::new([]), origins: None },
+            spec: StreamSpec::default(),
+            in_flight: VecDeque::new(),
+            capacity,
+            next_ticket: 0,
+            spare: Vec::new(),
+        })
+    }
+
+    fn send(&self, job: Job) -> Result<(), DeviceError> {
+        self.jobs.send(job).map_err(|_| lost())
+    }
+}
+
+fn lost() -> DeviceError {
+    DeviceError::new(DeviceErrorKind::Lost, "the CPU device's thread has ended: it panicked in an earlier launch")
+}
+
+fn invalid(message: String) -> DeviceError {
+    DeviceError::new(DeviceErrorKind::InvalidArgument, message)
+}
+
+impl Tracer for CpuTracer {
+    fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
+        if !self.in_flight.is_empty() {
+            return Err(invalid(format!("load_rays: {} launches are in flight: wait for them", self.in_flight.len())));
+        }
+        if let RaySource::Explicit { rays, origins: Some(origins) } = &source
+            && rays.len() != origins.len()
+        {
+            return Err(invalid(format!("load_rays: {} rays but {} origins", rays.len(), origins.len())));
+        }
+        self.rays = source.len();
+        self.source = source;
+        self.spec = spec;
+        Ok(())
+    }
+
+    fn walk(
+        &mut self,
+        rays: &[u32],
+        walk: Walk,
+        counts: &mut [TestCounts],
+        hits: Option<&mut [Hit]>,
+    ) -> Result<Span, DeviceError> {
+        let lengths_agree = counts.len() == rays.len() && hits.as_ref().is_none_or(|h| h.len() == rays.len());
+        if !lengths_agree {
+            return Err(invalid(format!("walk: {} rays need as many counts and hits", rays.len())));
+        }
+        if let Some(bad) = rays.iter().find(|&&ray| ray >= self.rays) {
+            return Err(invalid(format!("walk: ray {bad} of {}", self.rays)));
+        }
+        let (reply, answer) = channel();
+        let (source, spec) = (self.source.clone(), self.spec);
+        self.send(Job::Walk { source, spec, rays: rays.to_vec(), walk, reply })?;
+        let walked = answer.recv().map_err(|_| lost())?;
+        counts.copy_from_slice(&walked.counts);
+        if let Some(hits) = hits {
+            hits.copy_from_slice(&walked.hits);
+        }
+        Ok(walked.span)
+    }
+
+    fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
+        if self.in_flight.len() >= self.capacity as usize {
+            return Err(invalid(format!("submit: {} launches are in flight already: wait for one", self.capacity)));
+        }
+        let outside = |task: &&Task| u64::from(task.first) + u64::from(task.rays) > u64::from(self.rays);
+        if let Some(task) = tasks.iter().find(outside) {
+            return Err(invalid(format!(
+                "submit: a task of {} rays from ray {} does not fit into {} loaded rays",
+                task.rays, task.first, self.rays
+            )));
+        }
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        let (reply, answer) = channel();
+        let out = self.spare.pop().unwrap_or_default();
+        let (source, spec) = (self.source.clone(), self.spec);
+        self.send(Job::Trace { source, spec, tasks: tasks.to_vec(), done: done.cloned(), out, reply })?;
+        self.in_flight.push_back((ticket, answer));
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
+        let Some(position) = self.in_flight.iter().position(|(t, _)| *t == ticket) else {
+            return Err(invalid(format!("wait: launch {} is not in flight", ticket.0)));
+        };
+        match self.in_flight[position].1.recv_timeout(limit) {
+            Ok(mut launch) => {
+                self.in_flight.remove(position);
+                std::mem::swap(out, &mut launch);
+                launch.clear();
+                self.spare.push(launch);
+                Ok(())
+            }
+            Err(RecvTimeoutError::Timeout) => Err(DeviceError::new(
+                DeviceErrorKind::Hung,
+                format!("the launch did not end within {:.1} s", limit.as_secs_f64()),
+            )),
+            Err(RecvTimeoutError::Disconnected) => Err(lost()),
+        }
+    }
+}
+
+/// The tracer's thread.
+struct Worker {
+    executor: Arc<Executor>,
+    scene: Arc<Scene>,
+    clock: Clock,
+}
+
+/// A part of a task: its rays, where their results go, and the thread seconds it took.
+struct Piece<'a> {
+    task: usize,
+    first: u32,
+    hits: &'a mut [Hit],
+    counts: &'a mut [TestCounts],
+    seconds: &'a mut f32,
+}
+
+impl Worker {
+    fn run(self, inbox: &Receiver<Job>) {
+        self.executor.adopt_current_thread();
+        // Ends when the tracer is dropped. A reply nobody waits for any more is not an error.
+        for job in inbox {
+            match job {
+                Job::Trace { source, spec, tasks, done, mut out, reply } => {
+                    self.trace(&source, spec, &tasks, done.as_deref(), &mut out);
+                    let _ = reply.send(out);
+                }
+                Job::Walk { source, spec, rays, walk, reply } => {
+                    let _ = reply.send(self.walk(&source, spec, &rays, walk));
+                }
+            }
+        }
+    }
+
+    fn timed(&self, work: impl FnOnce()) -> Span {
+        let start = (self.clock)();
+        work();
+        let end = (self.clock)();
+        Span { start, end, in_kernel: end.saturating_sub(start) }
+    }
+
+    fn trace(&self, source: &RaySource, spec: StreamSpec, tasks: &[Task], done: Option<&RayMask>, out: &mut Launch) {
+        out.clear();
+        let span = self.timed(|| {
+            let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
+            out.hits.resize(rays, Hit::MISS);
+            out.counts.resize(if spec.counts { rays } else { 0 }, TestCounts::default());
+            let mut seconds = vec![0.0_f32; tasks.iter().map(|t| (t.rays as usize).div_ceil(CHUNK)).sum()];
+            let pieces = cut(tasks, &mut out.hits, &mut out.counts, &mut seconds);
+            let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
+            self.executor.for_each(
+                pieces,
+                || Stack::for_scene(&self.scene),
+                |stack, piece| self.trace_piece(stack, source, spec, done, piece),
+            );
+            out.task_seconds.resize(tasks.len(), 0.0);
+            let share = 1.0 / self.executor.threads() as f32;
+            for (task, seconds) in task_of.into_iter().zip(seconds) {
+                out.task_seconds[task] += seconds * share;
+            }
+        });
+        out.span = span;
+    }
+
+    fn trace_piece(
+        &self,
+        stack: &mut Stack,
+        source: &RaySource,
+        spec: StreamSpec,
+        done: Option<&RayMask>,
+        piece: Piece<'_>,
+    ) {
+        let begin = Instant::now();
+        let wanted = |i: &usize| done.is_none_or(|mask| !mask.contains(piece.first + *i as u32));
+        let slots = (0..piece.hits.len()).filter(wanted);
+        let mut filled = slots.clone();
+        let rays = slots.map(|i| source.ray(piece.first + i as u32));
+        rt_bvh::trace(&self.scene, stack, spec, rays, |hit, counts| {
+            if let Some(i) = filled.next() {
+                piece.hits[i] = hit;
+                if let Some(slot) = piece.counts.get_mut(i) {
+                    *slot = counts;
+                }
+            }
+        });
+        *piece.seconds = begin.elapsed().as_secs_f32();
+    }
+
+    fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {
+        let mut counts = vec![TestCounts::default(); rays.len()];
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let span = self.timed(|| {
+            let pieces = rays.chunks(CHUNK).zip(counts.chunks_mut(CHUNK)).zip(hits.chunks_mut(CHUNK)).collect();
+            self.executor.for_each(
+                pieces,
+                || Stack::for_scene(&self.scene),
+                |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
+                    let mut i = 0;
+                    let rays = rays.iter().map(|&ray| source.ray(ray));
+                    rt_bvh::count(&self.scene, stack, walk, spec, rays, |hit, count| {
+                        (counts[i], hits[i]) = (count, hit);
+                        i += 1;
+                    });
+                },
+            );
+        });
+        Walked { counts, hits, span }
+    }
+}
+
+/// Cuts every task into pieces of at most [`CHUNK`] rays.
+fn cut<'a>(
+    tasks: &[Task],
+    mut hits: &'a mut [Hit],
+    mut counts: &'a mut [TestCounts],
+    seconds: &'a mut [f32],
+) -> Vec<Piece<'a>> {
+    let mut pieces = Vec::with_capacity(seconds.len());
+    let mut seconds = seconds.iter_mut();
+    for (index, task) in tasks.iter().enumerate() {
+        let mut range = task.range();
+        while !range.is_empty() {
+            let len = range.len().min(CHUNK);
+            let (own_hits, other_hits) = std::mem::take(&mut hits).split_at_mut(len);
+            let counted = if counts.is_empty() { 0 } else { len };
+            let (own_counts, other_counts) = std::mem::take(&mut counts).split_at_mut(counted);
+            (hits, counts) = (other_hits, other_counts);
+            // One slot of seconds was made for each piece.
+            if let Some(seconds) = seconds.next() {
+                pieces.push(Piece { task: index, first: range.start, hits: own_hits, counts: own_counts, seconds });
+            }
+            range.start += len as u32;
+        }
+    }
+    pieces
+}

@@ -1,0 +1,202 @@
+//! The balancer: one scene, several devices, and what was learned about them.
+
+use crate::estimate::estimate;
+use crate::measure::{Times, measure, teach};
+use crate::models::Models;
+use crate::plan::plan_of;
+use crate::report::StreamRun;
+use crate::run::run;
+use crate::{BalanceError, Control, Scheduling, Stream, clock};
+use rt_core::{Device, DeviceInfo, Hit, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Tracer};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+/// A scene on several devices, ready to trace streams of rays.
+///
+/// It learns while it works: the seconds each device needs per ray, box test and triangle test are fitted from its
+/// launches, so later streams are scheduled by better models. A device that fails is dropped and its tasks go to the
+/// others.
+#[derive(Debug)]
+pub struct Balancer {
+    scene: Arc<Scene>,
+    members: Vec<Member>,
+    origin: Duration,
+}
+
+/// A device of the run.
+#[derive(Debug)]
+pub(crate) struct Member {
+    pub(crate) info: DeviceInfo,
+    /// Absent once the device has failed.
+    pub(crate) tracer: Option<Box<dyn Tracer>>,
+    pub(crate) models: Models,
+    pub(crate) failure: Option<String>,
+}
+
+/// The caller's slices, shared by the device threads.
+#[derive(Debug)]
+pub(crate) struct Outputs<'a> {
+    pub(crate) hits: &'a mut [Hit],
+    pub(crate) counts: Option<&'a mut [TestCounts]>,
+}
+
+impl Balancer {
+    /// Brings `scene` to every device.
+    ///
+    /// # Errors
+    /// When there is no device or one of them cannot take the scene.
+    pub fn new(scene: Arc<Scene>, devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
+        if devices.is_empty() {
+            return Err(BalanceError::NoDevices);
+        }
+        let origin = clock::now();
+        let open = |device: &Arc<dyn Device>| {
+            let info = device.info().clone();
+            match device.tracer(Arc::clone(&scene), clock::now) {
+                Ok(tracer) => Ok(Member { info, tracer: Some(tracer), models: Models::default(), failure: None }),
+                Err(source) => Err(BalanceError::Open { device: info.name, source }),
+            }
+        };
+        let members = devices.iter().map(open).collect::<Result<_, _>>()?;
+        Ok(Self { scene, members, origin })
+    }
+
+    /// Builds a tree over the caller's triangles with the default options and brings it to every device.
+    ///
+    /// A hit's `primitive` is a position in `indices`.
+    ///
+    /// # Errors
+    /// When an index or a coordinate is invalid, there is no device, or one of them cannot take the scene.
+    pub fn for_mesh(
+        positions: &[[f32; 3]],
+        indices: &[[u32; 3]],
+        devices: &[Arc<dyn Device>],
+    ) -> Result<Self, BalanceError> {
+        let positions: Vec<glam::Vec3> = positions.iter().copied().map(glam::Vec3::from_array).collect();
+        let mesh = rt_bvh::Mesh { positions: &positions, indices };
+        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions::default())?;
+        Self::new(Arc::new(built.scene), devices)
+    }
+
+    /// The scene.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Every device of the run, failed ones included, in the order they were given.
+    pub fn devices(&self) -> impl Iterator<Item = &DeviceInfo> {
+        self.members.iter().map(|member| &member.info)
+    }
+
+    pub(crate) fn members(&mut self) -> &mut [Member] {
+        &mut self.members
+    }
+
+    /// Traces the caller's rays with the default scheduling: `hits[i]` is the nearest hit of `rays[i]`.
+    ///
+    /// # Errors
+    /// As for [`Balancer::trace`].
+    pub fn trace_rays(&mut self, rays: &[Ray], hits: &mut [Hit]) -> Result<StreamRun, BalanceError> {
+        let source = RaySource::Explicit { rays: rays.into(), origins: None };
+        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
+        self.trace(&stream, &mut Scheduling::default(), hits, None, Control::default())
+    }
+
+    /// Estimates, schedules and traces one stream.
+    ///
+    /// `hits` has one entry for each ray; so has `counts`, which is filled when `stream.spec.counts` is set. Every
+    /// ray is traced exactly once, on whatever device; entries of tasks that were not finished keep their values.
+    ///
+    /// # Errors
+    /// When an argument is wrong, the caller cancelled, or every device failed. Hits of finished tasks are in the
+    /// output even then.
+    pub fn trace(
+        &mut self,
+        stream: &Stream,
+        scheduling: &mut Scheduling,
+        hits: &mut [Hit],
+        counts: Option<&mut [TestCounts]>,
+        control: Control<'_>,
+    ) -> Result<StreamRun, BalanceError> {
+        let rays = stream.source.len() as usize;
+        check_length("hits", hits.len(), rays)?;
+        if let Some(counts) = &counts {
+            check_length("counts", counts.len(), rays)?;
+        }
+        stream.check()?;
+        scheduling.policy()?;
+
+        let begin = clock::now();
+        let outputs = Mutex::new(Outputs { hits, counts });
+        self.load(stream)?;
+        let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
+        let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
+        let planned = clock::now();
+        let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
+        let end = clock::now();
+
+        for launch in &ran.launches {
+            scheduling.estimator.learn(&rt_core::LaunchRecord {
+                stream: stream.view(),
+                work: &estimated.work,
+                device: launch.member,
+                outcomes: &launch.outcomes,
+            });
+        }
+        teach(&mut self.members, stream, &estimated, &plan, &ran);
+        let times = Times { origin: self.origin, begin, planned, end };
+        Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
+    }
+
+    /// Gives the rays to every living device; one that cannot take them drops out.
+    pub(crate) fn load(&mut self, stream: &Stream) -> Result<(), BalanceError> {
+        let spec = stream.spec;
+        std::thread::scope(|scope| {
+            for member in &mut self.members {
+                let source = stream.source.clone();
+                scope.spawn(move || {
+                    if let Some(tracer) = &mut member.tracer
+                        && let Err(error) = tracer.load_rays(source, spec)
+                    {
+                        member.fail(&error);
+                    }
+                });
+            }
+        });
+        if self.members.iter().any(|member| member.tracer.is_some()) {
+            Ok(())
+        } else {
+            Err(all_lost(&self.members, stream.tasks.len()))
+        }
+    }
+}
+
+impl Member {
+    /// Drops the device out of this and all later streams.
+    pub(crate) fn fail(&mut self, error: &rt_core::DeviceError) {
+        self.tracer = None;
+        self.failure = Some(describe(error));
+    }
+}
+
+/// An error and its causes on one line.
+pub(crate) fn describe(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        text.push_str(": ");
+        text.push_str(&cause.to_string());
+        source = cause.source();
+    }
+    text
+}
+
+pub(crate) fn all_lost(members: &[Member], unfinished: usize) -> BalanceError {
+    let failures = members.iter().filter_map(|m| Some((m.info.name.clone(), m.failure.clone()?))).collect();
+    BalanceError::AllDevicesLost { unfinished, failures }
+}
+
+fn check_length(argument: &'static str, found: usize, rays: usize) -> Result<(), BalanceError> {
+    if found == rays { Ok(()) } else { Err(BalanceError::Length { argument, found, rays }) }
+}

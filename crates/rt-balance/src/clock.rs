@@ -1,0 +1,11 @@
+//! The clock that all devices of a process share.
+
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+static ORIGIN: OnceLock<Instant> = OnceLock::new();
+
+/// Time since the first call in this process.
+pub(crate) fn now() -> Duration {
+    ORIGIN.get_or_init(Instant::now).elapsed()
+}

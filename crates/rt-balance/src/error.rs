@@ -1,0 +1,104 @@
+//! What can go wrong in a run.
+
+use rt_core::DeviceError;
+use std::fmt;
+
+/// Why a balancer could not be made or a stream not be traced.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum BalanceError {
+    /// No device was given.
+    NoDevices,
+    /// A device could not take the scene.
+    Open {
+        /// Name of the device.
+        device: String,
+        /// Why.
+        source: DeviceError,
+    },
+    /// The mesh could not be built.
+    Build(rt_bvh::BuildError),
+    /// An output slice does not fit the stream.
+    Length {
+        /// Name of the argument.
+        argument: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of rays.
+        rays: usize,
+    },
+    /// The tasks are not consecutive ranges that cover the stream's rays.
+    Tasks {
+        /// First ray that is not where it should be.
+        ray: u32,
+    },
+    /// The policy cannot be used with the queue.
+    PolicyUnused {
+        /// Name of the policy.
+        policy: &'static str,
+        /// Name of the queue.
+        queue: &'static str,
+    },
+    /// An argument was refused by a device.
+    Refused {
+        /// Name of the device.
+        device: String,
+        /// Why.
+        source: DeviceError,
+    },
+    /// Every device failed. Hits of finished tasks are in the output.
+    AllDevicesLost {
+        /// Tasks that were not finished.
+        unfinished: usize,
+        /// Each device's failure.
+        failures: Vec<(String, String)>,
+    },
+    /// The caller cancelled. Hits of finished tasks are in the output.
+    Cancelled {
+        /// Tasks that were not finished.
+        unfinished: usize,
+    },
+}
+
+impl fmt::Display for BalanceError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoDevices => write!(f, "no device was given: at least one is needed"),
+            Self::Open { device, .. } => write!(f, "{device} cannot take the scene"),
+            Self::Build(_) => write!(f, "the scene cannot be built"),
+            Self::Length { argument, found, rays } => {
+                write!(f, "argument `{argument}` has {found} entries but the stream has {rays} rays: make them equal")
+            }
+            Self::Tasks { ray } => {
+                write!(f, "argument `tasks` must cover the stream's rays once and in order, which fails at ray {ray}")
+            }
+            Self::PolicyUnused { policy, queue } => write!(
+                f,
+                "policy {policy} has no meaning for the {queue} queue, which orders tasks by decreasing cost: leave the \
+                 policy out, or use the static queue"
+            ),
+            Self::Refused { device, .. } => write!(f, "{device} refused the stream"),
+            Self::AllDevicesLost { unfinished, failures } => {
+                write!(f, "every device failed, {unfinished} tasks are not finished:")?;
+                failures.iter().try_for_each(|(device, why)| write!(f, " {device}: {why};"))
+            }
+            Self::Cancelled { unfinished } => write!(f, "cancelled with {unfinished} tasks not finished"),
+        }
+    }
+}
+
+impl std::error::Error for BalanceError {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Open { source, .. } | Self::Refused { source, .. } => Some(source),
+            Self::Build(source) => Some(source),
+            _ => None,
+        }
+    }
+}
+
+impl From<rt_bvh::BuildError> for BalanceError {
+    fn from(source: rt_bvh::BuildError) -> Self {
+        Self::Build(source)
+    }
+}

@@ -1,0 +1,173 @@
+//! Turns what happened into a report, and teaches the cost models.
+
+use crate::balancer::Member;
+use crate::estimate::Estimated;
+use crate::plan::Plan;
+use crate::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
+use crate::run::{LaunchDone, Ran};
+use crate::{Scheduling, Stream};
+use rt_core::{TaskId, TestCounts, Work};
+use rt_sched::metrics;
+use std::time::Duration;
+
+/// When a stream began, was planned and ended, since the balancer was made.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Times {
+    pub(crate) origin: Duration,
+    pub(crate) begin: Duration,
+    pub(crate) planned: Duration,
+    pub(crate) end: Duration,
+}
+
+/// Makes the record of one stream.
+pub(crate) fn measure(
+    members: &[Member],
+    stream: &Stream,
+    scheduling: &Scheduling,
+    estimated: &Estimated,
+    plan: &Plan,
+    ran: &Ran,
+    times: Times,
+) -> StreamRun {
+    let tasks = stream.tasks.len();
+    let (mut predicted, mut measured) = (vec![f64::NAN; tasks], vec![f64::NAN; tasks]);
+    let mut device_of = vec![u32::MAX; tasks];
+    for launch in &ran.launches {
+        for outcome in &launch.outcomes {
+            let id = outcome.task as usize;
+            predicted[id] = outcome.predicted_s;
+            device_of[id] = launch.member as u32;
+            if launch.per_task {
+                measured[id] = outcome.measured_s;
+            }
+        }
+    }
+    let mut activities: Vec<Activity> = estimated.walks.iter().map(|walk| walk.activity(times.origin)).collect();
+    activities.extend(ran.launches.iter().map(|launch| activity(launch, times.origin)));
+
+    let devices: Vec<DeviceReport> =
+        members.iter().enumerate().map(|(index, member)| device_report(index, member, &activities, ran)).collect();
+    let makespan_s = times.end.saturating_sub(times.begin).as_secs_f64();
+    let estimate_s = times.planned.saturating_sub(times.begin).as_secs_f64();
+    let report = StreamReport {
+        kind: stream.kind.to_string(),
+        frame: stream.frame,
+        wave: stream.wave,
+        rays: stream.source.len(),
+        tasks: tasks as u32,
+        estimate: EstimateReport {
+            estimator: scheduling.estimator.name().to_owned(),
+            fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
+            seconds: estimate_s,
+            overhead: share(estimate_s, makespan_s - estimate_s),
+            mre_counts: None,
+            mre_time: None,
+        },
+        makespan_s,
+        imbalance: imbalance(plan, &devices, makespan_s),
+        lower_bound_s: None,
+        excess: None,
+        devices,
+    };
+    StreamRun {
+        report,
+        kind: stream.kind,
+        tasks: stream.tasks.clone(),
+        work: estimated.work.clone(),
+        predicted_s: predicted,
+        measured_s: measured,
+        device_of,
+        activities,
+    }
+}
+
+/// Adds every walk and launch to the cost models of the devices.
+pub(crate) fn teach(members: &mut [Member], stream: &Stream, estimated: &Estimated, plan: &Plan, ran: &Ran) {
+    for walk in &estimated.walks {
+        members[walk.member].models.walked(walk);
+    }
+    for launch in &ran.launches {
+        let left = |task: TaskId| &plan.left[task as usize];
+        members[launch.member].models.launched(stream.kind, launch, left);
+    }
+}
+
+/// `part / whole`, 0 where nothing was to be done.
+fn share(part: f64, whole: f64) -> f64 {
+    if whole > 0.0 { part / whole } else { 0.0 }
+}
+
+fn activity(launch: &LaunchDone, origin: Duration) -> Activity {
+    Activity {
+        device: launch.member,
+        kind: ActivityKind::Launch,
+        start_s: launch.span.start.saturating_sub(origin).as_secs_f64(),
+        end_s: launch.span.end.saturating_sub(origin).as_secs_f64(),
+        tasks: launch.outcomes.iter().map(|outcome| outcome.task).collect(),
+        rays: launch.rays,
+        predicted_s: Some(launch.outcomes.iter().map(|outcome| outcome.predicted_s).sum()),
+    }
+}
+
+fn device_report(index: usize, member: &Member, activities: &[Activity], ran: &Ran) -> DeviceReport {
+    let own = || ran.launches.iter().filter(|launch| launch.member == index);
+    let spans = activities.iter().filter(|a| a.device == index).map(|a| (a.start_s, a.end_s)).collect();
+    DeviceReport {
+        name: member.info.name.clone(),
+        backend: member.info.backend.to_owned(),
+        busy_s: union(spans),
+        launches: own().count() as u32,
+        tasks: own().map(|launch| launch.outcomes.len() as u32).sum(),
+        rays: own().map(|launch| u64::from(launch.rays)).sum(),
+        error: member.failure.clone(),
+    }
+}
+
+/// Total length of a union of intervals.
+fn union(mut spans: Vec<(f64, f64)>) -> f64 {
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut total, mut reached) = (0.0, f64::NEG_INFINITY);
+    for (start, end) in spans {
+        total += (end - start.max(reached)).max(0.0);
+        reached = reached.max(end);
+    }
+    total
+}
+
+/// The imbalance over living devices, whose speeds are those of the plan's cost models.
+fn imbalance(plan: &Plan, devices: &[DeviceReport], makespan_s: f64) -> f64 {
+    let total = plan.left.iter().fold(Work::default(), |sum, work| {
+        Work::new(sum.rays() + work.rays(), sum.boxes() + work.boxes(), sum.triangles() + work.triangles())
+    });
+    let speeds: Vec<f64> = plan
+        .models
+        .iter()
+        .map(|model| match model.seconds(&total) {
+            seconds if seconds > 0.0 => 1.0 / seconds,
+            _ => 1.0,
+        })
+        .collect();
+    let busy: Vec<f64> = plan.lanes.iter().map(|&member| devices[member].busy_s).collect();
+    metrics::imbalance(makespan_s, &busy, &speeds)
+}
+
+/// Exact tests of each task, from the counts of its rays.
+pub(crate) fn tests_of(stream: &Stream, counts: &[TestCounts]) -> Vec<f64> {
+    let tests = |c: &TestCounts| f64::from(c.boxes) + f64::from(c.triangles);
+    let sum = |task: &rt_core::Task| {
+        let range = task.first as usize..(task.first + task.rays) as usize;
+        counts.get(range).map_or(0.0, |counts| counts.iter().map(tests).sum())
+    };
+    stream.tasks.iter().map(sum).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overlapping_spans_count_once() {
+        assert_eq!(union(vec![(3.0, 4.0), (0.0, 2.0), (1.0, 2.5), (1.2, 1.3)]), 3.5);
+        assert_eq!(union(Vec::new()), 0.0);
+    }
+}

@@ -1,0 +1,156 @@
+//! What is traced, and how it is scheduled.
+
+use crate::BalanceError;
+use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
+use rt_sched::{Fraction, Lpt, Policy, Sampled};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Rays per task when nothing else is asked for: a 32 × 32 pixel tile of primary rays, the size of the paper's
+/// Figure 1 at which tasks are still fine enough to balance and coarse enough to estimate.
+pub const DEFAULT_TASK_SIZE: u32 = 1024;
+
+/// A stream of rays, cut into tasks.
+#[derive(Clone, Debug)]
+pub struct Stream {
+    /// Where the rays come from.
+    pub source: RaySource,
+    /// What made them.
+    pub kind: StreamKind,
+    /// What is asked of each.
+    pub spec: StreamSpec,
+    /// Consecutive ranges that cover all rays.
+    pub tasks: Vec<Task>,
+    /// Seed of the estimator's samples.
+    pub seed: u32,
+    /// Frame of an animation, for the report.
+    pub frame: u32,
+    /// Wave of the frame, for the report.
+    pub wave: u32,
+}
+
+impl Stream {
+    /// A stream with tasks of [`DEFAULT_TASK_SIZE`] rays.
+    #[must_use]
+    pub fn new(source: RaySource, kind: StreamKind, spec: StreamSpec) -> Self {
+        let tasks = tasks_of(source.len(), DEFAULT_TASK_SIZE);
+        Self { source, kind, spec, tasks, seed: 0, frame: 0, wave: 0 }
+    }
+
+    /// The same stream cut into tasks of `rays` rays.
+    #[must_use]
+    pub fn with_task_size(mut self, rays: u32) -> Self {
+        self.tasks = tasks_of(self.source.len(), rays);
+        self
+    }
+
+    /// The estimator's view.
+    #[must_use]
+    pub fn view(&self) -> RayStream<'_> {
+        RayStream { kind: self.kind, tasks: &self.tasks, seed: self.seed }
+    }
+
+    /// Checks that the tasks cover the rays.
+    pub(crate) fn check(&self) -> Result<(), BalanceError> {
+        let mut next = 0_u32;
+        for task in &self.tasks {
+            if task.first != next {
+                return Err(BalanceError::Tasks { ray: next });
+            }
+            next = task.first.checked_add(task.rays).ok_or(BalanceError::Tasks { ray: next })?;
+        }
+        if next == self.source.len() { Ok(()) } else { Err(BalanceError::Tasks { ray: next }) }
+    }
+}
+
+/// Which queue hands tasks to devices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum QueueKind {
+    /// Static distributed queues: one launch per device with its whole share.
+    Static,
+    /// One central queue, one task per launch, dearest first.
+    Central,
+    /// Static shares in geometric launches, with stealing. The default.
+    #[default]
+    Hybrid,
+}
+
+impl QueueKind {
+    /// The name used by the command line and in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Static => "static",
+            Self::Central => "central",
+            Self::Hybrid => "hybrid",
+        }
+    }
+}
+
+/// How a stream is estimated and scheduled.
+#[derive(Debug)]
+pub struct Scheduling {
+    /// Estimates the cost of each task.
+    pub estimator: Box<dyn CostEstimator>,
+    /// Deals tasks to devices; `None` lets the queue choose (LPT for static and hybrid queues).
+    pub policy: Option<Box<dyn Policy>>,
+    /// Hands tasks out.
+    pub queue: QueueKind,
+    /// Longest time to wait for one launch before its device counts as hung.
+    pub limit: Duration,
+}
+
+impl Default for Scheduling {
+    /// The hybrid queue over sampled exact counts: 1 ray in 64, whose hits are kept.
+    fn default() -> Self {
+        Self {
+            estimator: Box::new(Sampled::exact(Fraction::default())),
+            policy: None,
+            queue: QueueKind::Hybrid,
+            limit: Duration::from_secs(600),
+        }
+    }
+}
+
+impl Scheduling {
+    /// The policy that will deal the tasks.
+    ///
+    /// # Errors
+    /// When a policy was chosen that the queue would ignore.
+    pub fn policy(&self) -> Result<&dyn Policy, BalanceError> {
+        const LPT: Lpt = Lpt;
+        match (&self.policy, self.queue) {
+            (None, _) => Ok(&LPT),
+            (Some(policy), QueueKind::Static) => Ok(&**policy),
+            (Some(policy), QueueKind::Hybrid) if policy.name() == LPT.name() => Ok(&**policy),
+            (Some(policy), queue) => Err(BalanceError::PolicyUnused { policy: policy.name(), queue: queue.name() }),
+        }
+    }
+}
+
+/// The caller's hand on a running trace.
+#[derive(Clone, Copy, Default)]
+pub struct Control<'a> {
+    /// Set to `true` (from any thread) to stop after the launches in flight.
+    pub cancel: Option<&'a AtomicBool>,
+    /// Called with (rays done, rays of the stream) from device threads, at most once per launch.
+    pub progress: Option<&'a (dyn Fn(u64, u64) + Sync)>,
+}
+
+impl Control<'_> {
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.cancel.is_some_and(|flag| flag.load(Ordering::Relaxed))
+    }
+
+    pub(crate) fn report(&self, done: u64, total: u64) {
+        if let Some(progress) = self.progress {
+            progress(done, total);
+        }
+    }
+}
+
+impl std::fmt::Debug for Control<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Control").field("cancel", &self.cancel).field("progress", &self.progress.is_some()).finish()
+    }
+}

@@ -1,0 +1,283 @@
+//! The command line.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use glam::Vec3;
+use std::path::PathBuf;
+
+/// Trace a scene over several devices, balanced by estimated cost.
+///
+/// Without a command, renders the built-in garden into out/ and prints how well the work was balanced.
+#[derive(Debug, Parser)]
+#[command(name = "raybalance", version, about, long_about)]
+#[command(after_help = "Examples:
+  raybalance                                        render the built-in garden into out/
+  raybalance render car --size 1280x800 --spp 8     the built-in car, better sampled
+  raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
+  raybalance render room.obj --queue central --estimator uniform --reference
+  raybalance trace room.obj --rays rays.npy --hits hits.npy
+
+Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.")]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a picture, with cost maps, a timeline and a report of how the work was balanced
+    Render(Box<RenderArgs>),
+    /// Trace rays from a NumPy file and write the hits to another
+    Trace(Box<TraceArgs>),
+    /// List the devices of this machine
+    Devices(ListArgs),
+    /// List the built-in scenes
+    Scenes(ListArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ListArgs {
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Where the scene comes from and how its tree is built.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct SceneArgs {
+    /// Leave out triangles with NaN or infinite vertices instead of refusing the file
+    #[arg(long)]
+    pub(crate) drop_invalid: bool,
+    /// Tree builder: sah, or a PLOC preset (see `raybalance render --help`)
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: String,
+    /// Triangle tests: robust (watertight), fast (leaks on edges), f64; default: what the scene requires
+    #[arg(long, value_enum)]
+    pub(crate) precision: Option<PrecisionArg>,
+}
+
+/// The builder that traces fastest of those that build within a second or two on the shared scenes.
+pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
+
+/// How work is cut, estimated and dealt.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct BalanceArgs {
+    /// Devices, such as cpu:1,cpu:1@0.5 (threads, speed); default: one per core
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// How the cost of a task is estimated
+    #[arg(long, value_enum, default_value_t = EstimatorArg::Exact)]
+    pub(crate) estimator: EstimatorArg,
+    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156)
+    #[arg(long, value_parser = parse_fraction, default_value = "1/64", value_name = "F")]
+    pub(crate) fraction: f64,
+    /// What a reduced walk does at a leaf: count it as the hit, or never shorten the ray
+    #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
+    pub(crate) reduced: ReducedArg,
+    /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
+    #[arg(long, value_enum)]
+    pub(crate) policy: Option<PolicyArg>,
+    /// How devices get their tasks
+    #[arg(long, value_enum, default_value_t = QueueArg::Hybrid)]
+    pub(crate) queue: QueueArg,
+    /// Number of tasks per stream
+    #[arg(long, conflicts_with = "task_size", value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
+    pub(crate) tasks: Option<u32>,
+    /// Rays per task [default: 1024]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..), value_name = "RAYS")]
+    pub(crate) task_size: Option<u32>,
+    /// Seed of samples, pixels and bounces
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+}
+
+#[derive(Debug, Parser)]
+pub(crate) struct RenderArgs {
+    /// yard, car, or an OBJ file [default: yard]
+    pub(crate) scene: Option<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    pub(crate) balance: BalanceArgs,
+    /// Size of the picture in pixels
+    #[arg(long, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
+    pub(crate) size: [u32; 2],
+    /// Rays per pixel
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) spp: u32,
+    /// Diffuse bounces
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    pub(crate) bounces: u32,
+    /// Frames of a slow orbit about the target
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) frames: u32,
+    /// Camera position, such as 1,1.5,4
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) eye: Option<Vec3>,
+    /// Point the camera looks at
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) target: Option<Vec3>,
+    /// Which way is up
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) up: Option<Vec3>,
+    /// Vertical field of view in degrees
+    #[arg(long, value_name = "DEGREES")]
+    pub(crate) fov: Option<f32>,
+    /// Memory for rays and hits in flight, such as 512M or 2G; larger streams run in waves
+    #[arg(long, value_parser = parse_bytes, default_value = "1G", value_name = "BYTES")]
+    pub(crate) memory: u64,
+    /// Measure every task by itself in separate passes, so that excess and estimation errors are known
+    #[arg(long)]
+    pub(crate) reference: bool,
+    /// Folder for image.png, cost.png, timeline.svg, trace.json and report.json
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Print the report as JSON instead of tables
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl Default for RenderArgs {
+    fn default() -> Self {
+        Self::parse_from(["render"])
+    }
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct TraceArgs {
+    /// yard, car, or an OBJ file
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    pub(crate) balance: BalanceArgs,
+    /// Rays: N×8 little-endian float32 NumPy array (ox oy oz tmin dx dy dz tmax)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) rays: PathBuf,
+    /// Hits to write: N×4 float32 (t, u, v, bits of the primitive id; a miss has t = inf and id 0xffffffff)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hits: PathBuf,
+    /// Counts to write: N×2 uint32 (box tests, triangle tests)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) counts: Option<PathBuf>,
+    /// Stop at any hit instead of the nearest
+    #[arg(long)]
+    pub(crate) any: bool,
+    /// Print the report as JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PrecisionArg {
+    /// Watertight: single precision, doubtful cases decided in double
+    Robust,
+    /// Plain single precision; may leak between triangles
+    Fast,
+    /// Double precision throughout
+    F64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum EstimatorArg {
+    /// All rays cost the same
+    Uniform,
+    /// Box and triangle tests of sampled rays, without triangles
+    Reduced,
+    /// Full traversal of sampled rays, whose hits are kept
+    Exact,
+    /// Measured times of the previous pass or frame
+    History,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ReducedArg {
+    /// A leaf entered counts as the hit
+    Leaf,
+    /// The ray is never shortened
+    Unshortened,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PolicyArg {
+    /// Contiguous blocks of tasks
+    Block,
+    /// Tasks in turn
+    RoundRobin,
+    /// Dearest remaining task to the device that would finish it first
+    Lpt,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum QueueArg {
+    /// One launch per device with its whole share
+    Static,
+    /// One task per launch, dearest first
+    Central,
+    /// Static shares in geometric launches, with stealing
+    Hybrid,
+}
+
+fn parse_fraction(text: &str) -> Result<f64, String> {
+    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));
+    let value = match text.split_once('/') {
+        Some((over, under)) => number(over)? / number(under)?,
+        None => number(text)?,
+    };
+    if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let (width, height) = text.split_once(['x', 'X']).ok_or("write it as WIDTHxHEIGHT, such as 960x600")?;
+    let side = |s: &str| match s.trim().parse::<u32>() {
+        Ok(n @ 1..=65_536) => Ok(n),
+        _ => Err(format!("`{s}` is not a whole number from 1 to 65536")),
+    };
+    Ok([side(width)?, side(height)?])
+}
+
+fn parse_vec3(text: &str) -> Result<Vec3, String> {
+    let parts: Result<Vec<f32>, _> = text.split(',').map(|s| s.trim().parse::<f32>()).collect();
+    match parts.as_deref() {
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(Vec3::new(x, y, z)),
+        _ => Err("write it as three finite numbers, such as 1,1.5,-4".to_owned()),
+    }
+}
+
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let (digits, factor) = match text.to_ascii_uppercase().strip_suffix(['K', 'M', 'G']) {
+        Some(digits) => {
+            let power = 1 + "KMG".find(text.to_ascii_uppercase().chars().next_back().unwrap_or('K')).unwrap_or(0);
+            (digits.to_owned(), 1024_u64.pow(power as u32))
+        }
+        None => (text.to_owned(), 1),
+    };
+    match digits.parse::<u64>().ok().and_then(|n| n.checked_mul(factor)) {
+        Some(bytes) if bytes >= 1 << 20 => Ok(bytes),
+        Some(_) => Err("at least 1M is needed".to_owned()),
+        None => Err("write it as a whole number with K, M or G, such as 512M".to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+        assert_eq!(RenderArgs::default().size, [960, 600]);
+    }
+
+    #[test]
+    fn values_are_parsed_or_explained() {
+        assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
+        assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
+        assert_eq!(parse_size("640x400"), Ok([640, 400]));
+        assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
+        assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
+        assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err());
+        assert_eq!(parse_bytes("2G"), Ok(2 << 30));
+        assert!(parse_bytes("1K").is_err() && parse_bytes("lots").is_err());
+    }
+}

@@ -1,0 +1,25 @@
+//! Progress on a terminal, silence elsewhere.
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::time::Duration;
+
+/// How often a bar is redrawn.
+const REFRESH_HZ: u8 = 10;
+
+/// A bar that counts to `total`; invisible unless standard error is a terminal.
+pub(crate) fn bar(label: &'static str, total: u64) -> ProgressBar {
+    let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(REFRESH_HZ));
+    if let Ok(style) = ProgressStyle::with_template("{msg:12} {bar:40} {percent:>3}% {eta}") {
+        bar.set_style(style);
+    }
+    bar.set_message(label);
+    bar
+}
+
+/// A spinner for work of unknown length.
+pub(crate) fn spinner(label: &'static str) -> ProgressBar {
+    let spinner = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(REFRESH_HZ));
+    spinner.set_message(label);
+    spinner.enable_steady_tick(Duration::from_millis(250));
+    spinner
+}

@@ -1,0 +1,111 @@
+//! From the command line's scene argument to a tree that can be traced.
+
+use crate::args::{PrecisionArg, SceneArgs};
+use crate::progress;
+use anyhow::{Context, Result, bail};
+use indicatif::ProgressBar;
+use rt_bvh::{BuildOptions, Builder, Built, InvalidTriangles, Mesh};
+use rt_core::Precision;
+use rt_scene::obj::{LoadOptions, LoadProgress, load_obj};
+use rt_scene::scan::Plan;
+use rt_scene::{Model, builtin, scan, scenes};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// A bar appears when loading takes longer than this.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// A scene that is ready to be traced, and how long that took.
+#[derive(Debug)]
+pub(crate) struct Prepared {
+    pub(crate) model: Model,
+    pub(crate) built: Built,
+    pub(crate) plan: Plan,
+    /// The precision asked for, or the plan's.
+    pub(crate) precision: Precision,
+    pub(crate) load_s: f64,
+    pub(crate) build_s: f64,
+}
+
+/// Loads or generates the scene, scans it and builds its tree.
+pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
+    let builder = builder(&args.builder)?;
+    let start = Instant::now();
+    let model = load(scene, args.drop_invalid)?;
+    let scanned = scan::scan(&model);
+    let mut plan = Plan::new(&scanned);
+    let load_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let invalid = if args.drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse };
+    let mesh = Mesh { positions: &model.positions, indices: &model.indices };
+    let options = BuildOptions { builder, invalid, ..BuildOptions::default() };
+    let built = rt_bvh::build(mesh, &options).with_context(|| format!("building the tree of {}", model.source))?;
+    plan.complete(&built.scene);
+    let build_s = start.elapsed().as_secs_f64();
+
+    let precision = match args.precision {
+        Some(PrecisionArg::Robust) => Precision::Robust,
+        Some(PrecisionArg::Fast) => Precision::Fast,
+        Some(PrecisionArg::F64) => Precision::Double,
+        None => plan.precision(),
+    };
+    Ok(Prepared { model, built, plan, precision, load_s, build_s })
+}
+
+/// Generates the built-in scene called `name`, if there is one.
+pub(crate) fn generate(name: &str) -> Option<Model> {
+    match scenes::find(name)?.name {
+        "yard" => Some(builtin::yard()),
+        "car" => Some(builtin::car()),
+        _ => None,
+    }
+}
+
+fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
+    if let Some(model) = generate(scene) {
+        return Ok(model);
+    }
+    let path = Path::new(scene);
+    if !path.exists() && path.extension().is_none() {
+        let names: Vec<&str> = scenes::SCENES.iter().map(|entry| entry.name).collect();
+        bail!("`{scene}` is neither a file nor a built-in scene; built-in are: {}", names.join(", "));
+    }
+    let start = Instant::now();
+    let mut bar: Option<ProgressBar> = None;
+    let mut show = |at: LoadProgress| {
+        if start.elapsed() > PATIENCE {
+            let bar = bar.get_or_insert_with(|| progress::bar("loading", at.total_bytes));
+            bar.set_length(at.total_bytes);
+            bar.set_position(at.done_bytes);
+        }
+    };
+    let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
+    let loaded = load_obj(path, &options, &mut show).map_err(|error| {
+        // The library does not know the option's name.
+        match error.is_invalid_vertex() {
+            true => anyhow::Error::new(error).context("use --drop-invalid to leave such triangles out"),
+            false => error.into(),
+        }
+    })?;
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
+    for warning in &loaded.warnings {
+        eprintln!("warning: {warning}");
+    }
+    if loaded.invalid_triangles > 0 {
+        eprintln!(
+            "warning: {scene}: {} triangles with {} invalid vertices are left out",
+            loaded.invalid_triangles, loaded.invalid_vertices
+        );
+    }
+    Ok(loaded.model)
+}
+
+fn builder(name: &str) -> Result<Builder> {
+    Builder::all().find(|builder| builder.name() == name).with_context(|| {
+        let names: Vec<&str> = Builder::all().map(|builder| builder.name()).collect();
+        format!("--builder: there is no `{name}`; there are: {}", names.join(", "))
+    })
+}

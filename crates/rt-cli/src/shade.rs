@@ -1,0 +1,128 @@
+//! The light of a picture: a sky, a soft sun, and what two surfaces hand each other.
+
+use glam::Vec3;
+use rt_scene::View;
+
+/// Radiance of the sun's disc times its solid angle, relative to a white sky of 1: a clear day's sun lights a surface
+/// that faces it about three times as much as the whole sky does.
+const SUN_IRRADIANCE: Vec3 = Vec3::new(9.0, 8.2, 7.0);
+
+/// Sine of half the angle of the sun's disc. The real one is 0.0047; ten times that gives penumbras one can see at
+/// one sample per pixel.
+const SUN_RADIUS: f32 = 0.045;
+
+/// Height of the sun above the horizon.
+const SUN_ELEVATION_DEGREES: f32 = 48.0;
+
+/// How far the sun stands to the left of the first camera, seen from its target.
+const SUN_AZIMUTH_DEGREES: f32 = 50.0;
+
+/// Share of the zenith's light that a path which ends on a surface is given: the bounces not traced.
+const FILL: f32 = 0.3;
+
+/// Sky and sun of one picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Light {
+    up: Vec3,
+    /// Unit vector towards the sun.
+    pub(crate) sun: Vec3,
+    /// Distance over which a surface is felt to stand in the light's way.
+    reach: f32,
+}
+
+impl Light {
+    /// Light for the scene seen from `view`, of size `extent` (length of the diagonal of its bounds).
+    pub(crate) fn new(view: &View, extent: f32) -> Self {
+        let up = view.up.try_normalize().unwrap_or(Vec3::Y);
+        let back = (view.eye - view.target).reject_from_normalized(up).try_normalize();
+        let back = back.unwrap_or_else(|| up.any_orthonormal_vector());
+        let (sin_a, cos_a) = SUN_AZIMUTH_DEGREES.to_radians().sin_cos();
+        let (sin_e, cos_e) = SUN_ELEVATION_DEGREES.to_radians().sin_cos();
+        let left = back.cross(up);
+        let sun = (back * cos_a + left * sin_a) * cos_e + up * sin_e;
+        // The distance to the subject, not the extent, says how large things are where the ground is huge.
+        let reach = (0.25 * extent).min(view.eye.distance(view.target)).max(f32::MIN_POSITIVE);
+        Self { up, sun, reach }
+    }
+
+    /// Half-angle sine of the sun.
+    pub(crate) const fn sun_radius(self) -> f32 {
+        SUN_RADIUS
+    }
+
+    /// Radiance from outside the scene along a direction of any length.
+    pub(crate) fn sky(&self, direction: Vec3) -> Vec3 {
+        const ZENITH: Vec3 = Vec3::new(0.30, 0.52, 0.95);
+        const HORIZON: Vec3 = Vec3::new(0.86, 0.93, 1.0);
+        const GROUND: Vec3 = Vec3::new(0.34, 0.33, 0.31);
+        let height = direction.try_normalize().map_or(0.0, |d| d.dot(self.up));
+        if height >= 0.0 {
+            HORIZON.lerp(ZENITH, height.sqrt())
+        } else {
+            HORIZON.lerp(GROUND, (-height * 8.0).min(1.0))
+        }
+    }
+
+    /// Light a surface sends on from the sun, per unit of albedo; `facing` is the cosine to the sun.
+    pub(crate) fn sunlight(&self, facing: f32) -> Vec3 {
+        SUN_IRRADIANCE * (facing.max(0.0) * core::f32::consts::FRAC_1_PI)
+    }
+
+    /// Stand-in for the light of bounces that are not traced: less where the surface met is near, after S. Zhukov,
+    /// A. Iones and G. Kronin, *An Ambient Light Illumination Model* (1998).
+    pub(crate) fn fill(&self, distance: f32) -> Vec3 {
+        Vec3::new(0.8, 0.87, 1.0) * (FILL * (1.0 - (-distance / self.reach).exp()))
+    }
+}
+
+/// The unit normal of a triangle on the side that `towards` leaves from; `None` for one without area.
+pub(crate) fn facing_normal(area_normal: glam::DVec3, incoming: Vec3) -> Option<Vec3> {
+    let normal = area_normal.try_normalize()?.as_vec3();
+    Some(if normal.dot(incoming) > 0.0 { -normal } else { normal })
+}
+
+/// Factor that brings a picture to a pleasant brightness: the 97th percentile of the luminance of lit pixels becomes
+/// 1, which neither a bright sky nor a dark corner moves much.
+pub(crate) fn exposure(radiance: &[Vec3]) -> f32 {
+    let luminance = |c: &Vec3| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
+    let mut values: Vec<f32> = radiance.iter().map(luminance).filter(|&l| l > 0.0 && l.is_finite()).collect();
+    if values.is_empty() {
+        return 1.0;
+    }
+    let at = (values.len() - 1) * 97 / 100;
+    let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
+    1.0 / *value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn light() -> Light {
+        let view = View { eye: Vec3::new(0.0, 1.0, 5.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 45.0 };
+        Light::new(&view, 10.0)
+    }
+
+    #[test]
+    fn the_sun_stands_above_and_on_the_camera_s_side() {
+        let sun = light().sun;
+        assert!((sun.length() - 1.0).abs() < 1e-5 && sun.y > 0.5 && sun.z > 0.0, "{sun}");
+    }
+
+    #[test]
+    fn light_is_finite_everywhere() {
+        for d in [Vec3::ZERO, Vec3::Y, Vec3::NEG_Y, Vec3::splat(1e30), Vec3::new(1e-30, 0.0, 0.0)] {
+            assert!(light().sky(d).is_finite());
+        }
+        assert!(light().fill(f32::INFINITY).is_finite());
+        assert!(light().fill(0.0) == Vec3::ZERO);
+    }
+
+    #[test]
+    fn exposure_ignores_outliers() {
+        let mut pixels = vec![Vec3::splat(0.5); 1000];
+        pixels[0] = Vec3::splat(1e6);
+        assert!((exposure(&pixels) - 2.0).abs() < 1e-3);
+        assert_eq!(exposure(&[]), 1.0);
+    }
+}

@@ -1,0 +1,154 @@
+//! Tables for people.
+
+use rt_balance::report::{StreamReport, StreamRun};
+use std::fmt::Write;
+
+/// Rows of text cells under a header; every column as wide as its widest cell, numbers to the right.
+#[derive(Debug)]
+pub(crate) struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    pub(crate) fn new(header: &[&str]) -> Self {
+        Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
+    }
+
+    pub(crate) fn row(&mut self, cells: Vec<String>) {
+        self.rows.push(cells);
+    }
+}
+
+impl std::fmt::Display for Table {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(width).collect();
+        for row in &self.rows {
+            let mut line = String::from(" ");
+            for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+                // The first column names the row; all others are numbers.
+                match column {
+                    0 => write!(line, " {cell:<width$}")?,
+                    _ => write!(line, "  {cell:>width$}")?,
+                }
+            }
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        Ok(())
+    }
+}
+
+/// Seconds in the unit that reads best.
+pub(crate) fn seconds(s: f64) -> String {
+    match s {
+        s if s >= 10.0 => format!("{s:.1} s"),
+        s if s >= 1.0 => format!("{s:.2} s"),
+        s if s >= 1e-3 => format!("{:.1} ms", s * 1e3),
+        s => format!("{:.0} µs", s * 1e6),
+    }
+}
+
+/// A share as a percentage; a dash where unknown.
+pub(crate) fn percent(share: Option<f64>) -> String {
+    share.map_or_else(|| "–".to_owned(), |share| format!("{:.1}%", 100.0 * share))
+}
+
+/// A whole number with thin groups of three.
+pub(crate) fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// What was balanced, stream by stream, and what each device did.
+pub(crate) fn streams(runs: &[StreamRun]) -> String {
+    let mut streams = Table::new(&[
+        "stream", "rays", "tasks", "Mray/s", "estimate", "of trace", "err counts", "err time", "makespan", "imbalance",
+        "excess",
+    ]);
+    for report in runs.iter().map(|run| &run.report) {
+        let estimate = &report.estimate;
+        streams.row(vec![
+            name(report, runs),
+            grouped(report.rays.into()),
+            grouped(report.tasks.into()),
+            format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
+            seconds(estimate.seconds),
+            percent(Some(estimate.overhead)),
+            percent(estimate.mre_counts),
+            percent(estimate.mre_time),
+            seconds(report.makespan_s),
+            percent(Some(report.imbalance)),
+            percent(report.excess),
+        ]);
+    }
+    let mut text = streams.to_string();
+    text.push('\n');
+    text.push_str(&devices(runs).to_string());
+    text
+}
+
+/// Sums over all streams for each device.
+fn devices(runs: &[StreamRun]) -> Table {
+    let mut table = Table::new(&["device", "busy", "share", "launches", "tasks", "rays"]);
+    let count = runs.first().map_or(0, |run| run.report.devices.len());
+    let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
+    for index in 0..count {
+        let parts: Vec<_> = runs.iter().filter_map(|run| run.report.devices.get(index)).collect();
+        let Some(last) = parts.last() else { continue };
+        let busy: f64 = parts.iter().map(|part| part.busy_s).sum();
+        let mut cells = vec![
+            last.name.clone(),
+            seconds(busy),
+            percent((total > 0.0).then(|| busy / total)),
+            grouped(parts.iter().map(|part| u64::from(part.launches)).sum()),
+            grouped(parts.iter().map(|part| u64::from(part.tasks)).sum()),
+            grouped(parts.iter().map(|part| part.rays).sum()),
+        ];
+        if let Some(error) = &last.error {
+            cells.push(format!("failed: {error}"));
+        }
+        table.row(cells);
+    }
+    table
+}
+
+/// The stream's kind, with frame and wave where there is more than one.
+fn name(report: &StreamReport, runs: &[StreamRun]) -> String {
+    let mut name = report.kind.clone();
+    if runs.iter().any(|run| run.report.frame > 0) {
+        let _ = write!(name, ", frame {}", report.frame);
+    }
+    if runs.iter().any(|run| run.report.wave > 0) {
+        let _ = write!(name, ", wave {}", report.wave);
+    }
+    name
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!(seconds(0.000_42), "420 µs");
+        assert_eq!(seconds(1.5), "1.50 s");
+        assert_eq!(grouped(1_234_567), "1,234,567");
+        assert_eq!(percent(None), "–");
+        assert_eq!(percent(Some(0.0123)), "1.2%");
+    }
+
+    #[test]
+    fn columns_line_up() {
+        let mut table = Table::new(&["a", "bb"]);
+        table.row(vec!["long".to_owned(), "1".to_owned()]);
+        assert_eq!(table.to_string(), "  a     bb\n  long   1\n");
+    }
+}

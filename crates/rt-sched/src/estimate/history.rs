@@ -1,0 +1,116 @@
+//! Costs from what was measured before.
+
+use super::Sampled;
+use crate::sample::Fraction;
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, Task, Walk, Work};
+
+/// Predicts a stream from the last one of its kind, corrected by how long its tasks really took.
+///
+/// Each task's tests are multiplied by measured over predicted seconds, as Blender Cycles' `work_balancer` corrects its
+/// devices' shares from frame to frame, but per task. When tasks were cut differently, the old costs per ray are read
+/// at the same relative positions of the stream. A kind that was never traced is left to another estimator.
+#[derive(Debug)]
+pub struct History {
+    inner: Box<dyn CostEstimator>,
+    past: Vec<Past>,
+}
+
+/// Largest correction of a task from one stream to the next, without a unit. A single launch that was disturbed, say
+/// by a page fault or another program, must not spoil the next frame; real changes get through in a few.
+const LARGEST_CORRECTION: f64 = 4.0;
+
+/// A traced stream.
+#[derive(Debug)]
+struct Past {
+    kind: StreamKind,
+    rays: Vec<u32>,
+    work: Vec<Work>,
+}
+
+impl History {
+    /// History that asks `inner` about streams of a kind that it has not seen.
+    #[must_use]
+    pub fn new(inner: Box<dyn CostEstimator>) -> Self {
+        Self { inner, past: Vec::new() }
+    }
+}
+
+impl Default for History {
+    /// History that begins with the exact counts of 1 in 64 rays: few enough to cost about 1% of the trace, and near
+    /// enough until times are known.
+    fn default() -> Self {
+        Self::new(Box::new(Sampled::new(Walk::Full, Fraction::new(1.0 / 64.0).unwrap_or(Fraction::ONE))))
+    }
+}
+
+impl CostEstimator for History {
+    fn name(&self) -> &'static str {
+        "history"
+    }
+
+    fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
+        let known = self.past.iter_mut().find(|past| past.kind == stream.kind);
+        let step = match &known {
+            Some(past) => Step::Done(past.seen_by(stream.tasks)),
+            None => self.inner.next(stream, seen),
+        };
+        if let Step::Done(work) = &step {
+            let past =
+                Past { kind: stream.kind, rays: stream.tasks.iter().map(|t| t.rays).collect(), work: work.clone() };
+            match known {
+                Some(old) => *old = past,
+                None => self.past.push(past),
+            }
+        }
+        step
+    }
+
+    fn learn(&mut self, launch: &LaunchRecord<'_>) {
+        self.inner.learn(launch);
+        let Some(past) = self.past.iter_mut().find(|past| past.kind == launch.stream.kind) else { return };
+        for outcome in launch.outcomes {
+            let task = outcome.task as usize;
+            let (Some(new), Some(old)) = (past.work.get_mut(task), launch.work.get(task)) else { continue };
+            let factor = outcome.measured_s / outcome.predicted_s;
+            if factor.is_finite() && factor > 0.0 {
+                *new = old.scaled(factor.clamp(1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION) as f32);
+            }
+        }
+    }
+}
+
+impl Past {
+    /// The old costs as those of `tasks`.
+    fn seen_by(&self, tasks: &[Task]) -> Vec<Work> {
+        if self.rays.iter().eq(tasks.iter().map(|t| &t.rays)) {
+            return self.work.clone();
+        }
+        let old_rays: f64 = self.rays.iter().copied().map(f64::from).sum();
+        let new_rays: f64 = tasks.iter().map(|t| f64::from(t.rays)).sum();
+        // Old rays that one new ray stands for.
+        let ratio = if new_rays > 0.0 { old_rays / new_rays } else { 0.0 };
+        let mut old = self.rays.iter().zip(&self.work).filter(|(rays, _)| **rays > 0);
+        let mut left = 0.0;
+        let mut density = [0.0; 2];
+        let resample = |task: &Task| {
+            let mut sum = [0.0; 2];
+            let mut wanted = f64::from(task.rays) * ratio;
+            while wanted > 0.0 {
+                if left <= 0.0 {
+                    let Some((&rays, work)) = old.next() else { break };
+                    left = f64::from(rays);
+                    density = [work.boxes(), work.triangles()].map(|tests| f64::from(tests) / left);
+                }
+                let part = wanted.min(left);
+                sum = [sum[0] + density[0] * part, sum[1] + density[1] * part];
+                wanted -= part;
+                left -= part;
+            }
+            let [boxes, triangles] = sum.map(|tests| if ratio > 0.0 { (tests / ratio) as f32 } else { 0.0 });
+            Work::new(task.rays as f32, boxes, triangles)
+        };
+        tasks.iter().map(resample).collect()
+    }
+}

@@ -1,0 +1,71 @@
+//! One queue for all devices.
+
+use super::ledger::Ledger;
+use super::{Pop, TaskQueue};
+use crate::policy::{dearest_first, mean_model, seconds};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
+use core::sync::atomic::{AtomicU32, Ordering};
+use rt_core::{CostModel, TaskId, Work};
+
+/// A central queue: whoever is free takes the dearest task that is left, one task per launch.
+///
+/// Tasks are sorted by decreasing mean seconds over the devices, ties by number, so uniform work comes first in first
+/// out. Balances best where tasks are few, and pays one launch for each.
+#[derive(Debug)]
+pub struct CentralQueue {
+    order: Box<[TaskId]>,
+    next: AtomicU32,
+    ledger: Ledger,
+}
+
+impl CentralQueue {
+    /// A queue of all tasks of `work` for `devices`.
+    #[must_use]
+    pub fn new(work: &[Work], devices: &[CostModel]) -> Self {
+        let mean = mean_model(devices);
+        // Only the order matters: scaled by the dearest task, so that single precision neither overflows nor
+        // underflows.
+        let dearest = work.iter().map(|w| seconds(&mean, w)).fold(0.0, f64::max);
+        let scale = Some(1.0 / dearest).filter(|s| s.is_normal()).unwrap_or(1.0);
+        let ranked = dearest_first(work.iter().map(|w| (seconds(&mean, w) * scale) as f32));
+        Self {
+            order: ranked.into_iter().map(|ranked| ranked.task()).collect(),
+            next: AtomicU32::new(0),
+            ledger: Ledger::new(work.len(), devices.len()),
+        }
+    }
+}
+
+impl TaskQueue for CentralQueue {
+    fn pop(&self, device: usize, out: &mut Vec<TaskId>) -> Pop {
+        out.clear();
+        if self.ledger.is_retired(device) {
+            return Pop::Done;
+        }
+        // Bounded, so that devices that ask again and again cannot wrap the counter.
+        let advance = |next| ((next as usize) < self.order.len()).then(|| next + 1);
+        match self.next.fetch_update(Ordering::AcqRel, Ordering::Acquire, advance) {
+            Ok(next) => out.push(self.order[next as usize]),
+            Err(_) => {
+                if !self.ledger.adopt(|_| 1, out) {
+                    return self.ledger.idle();
+                }
+            }
+        }
+        self.ledger.hand_out(device, out);
+        Pop::Launch
+    }
+
+    fn finish(&self, device: usize, tasks: &[TaskId]) {
+        self.ledger.finish(device, tasks);
+    }
+
+    fn retire(&self, device: usize, unfinished: &[TaskId]) {
+        self.ledger.retire(device, unfinished);
+    }
+
+    fn unfinished_tasks(&self) -> Vec<TaskId> {
+        self.ledger.unfinished_tasks()
+    }
+}

@@ -1,0 +1,91 @@
+//! One range of tasks per device, each in one atomic word.
+
+use crate::Schedule;
+use alloc::boxed::Box;
+use core::ops::Range;
+use core::sync::atomic::{AtomicU64, Ordering};
+use rt_core::TaskId;
+
+/// The lists of a schedule one behind another, never changed, and for each device the range of positions that is
+/// reserved for it.
+///
+/// A range is one word, so taking from its front (the device) or its back (a thief) is one compare-and-swap. The word
+/// is the whole state: whoever shortens a range owns what fell off, whatever happened to the word in between, and a
+/// position is in no other range. Hence no tags against ABA are needed.
+#[derive(Debug)]
+pub(crate) struct Slots {
+    order: Box<[TaskId]>,
+    ranges: Box<[Slot]>,
+}
+
+/// One device's word on its own cache line (64 bytes on all processors we know), so that devices that pop do not slow
+/// one another down.
+#[derive(Debug)]
+#[repr(align(64))]
+struct Slot(AtomicU64);
+
+fn pack(range: &Range<u32>) -> u64 {
+    u64::from(range.start) | (u64::from(range.end) << 32)
+}
+
+fn unpack(word: u64) -> Range<u32> {
+    word as u32..(word >> 32) as u32
+}
+
+impl Slots {
+    pub(crate) fn new(schedule: &Schedule) -> Self {
+        let mut end = 0;
+        let ranges = schedule.lists().iter().map(|list| {
+            let start = end;
+            end += list.len() as u32;
+            Slot(AtomicU64::new(pack(&(start..end))))
+        });
+        Self { ranges: ranges.collect(), order: schedule.lists().iter().flatten().copied().collect() }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.ranges.len()
+    }
+
+    /// The tasks at `range`.
+    pub(crate) fn tasks(&self, range: Range<u32>) -> &[TaskId] {
+        &self.order[range.start as usize..range.end as usize]
+    }
+
+    /// What is reserved for a device.
+    pub(crate) fn range(&self, device: usize) -> Range<u32> {
+        unpack(self.ranges[device].0.load(Ordering::Acquire))
+    }
+
+    /// Takes the first `count(range)` positions of what is reserved for a device. The range it counts is not empty.
+    pub(crate) fn take_front(&self, device: usize, count: impl Fn(Range<u32>) -> u32) -> Range<u32> {
+        let mut taken = 0..0;
+        let shorten = |word| {
+            let range = unpack(word);
+            if range.is_empty() {
+                return None;
+            }
+            let cut = range.start + count(range.clone()).min(range.end - range.start);
+            taken = range.start..cut;
+            Some(pack(&(cut..range.end)))
+        };
+        match self.ranges[device].0.fetch_update(Ordering::AcqRel, Ordering::Acquire, shorten) {
+            Ok(_) => taken,
+            Err(_) => 0..0,
+        }
+    }
+
+    /// Takes the last `count` positions of a device's range if it is still `seen`.
+    pub(crate) fn take_back(&self, device: usize, seen: &Range<u32>, count: u32) -> Option<Range<u32>> {
+        let cut = seen.end - count.min(seen.end - seen.start);
+        let word = &self.ranges[device].0;
+        let swapped = word.compare_exchange(pack(seen), pack(&(seen.start..cut)), Ordering::AcqRel, Ordering::Relaxed);
+        swapped.is_ok().then_some(cut..seen.end)
+    }
+
+    /// Reserves `range`, which the caller alone has claimed, for a device that has nothing reserved; `false` if it has.
+    pub(crate) fn refill(&self, device: usize, range: &Range<u32>) -> bool {
+        let fill = |word| unpack(word).is_empty().then_some(pack(range));
+        self.ranges[device].0.fetch_update(Ordering::AcqRel, Ordering::Acquire, fill).is_ok()
+    }
+}
