@@ -1,10 +1,19 @@
-//! Test equipment for raybalance and its backends: an exact reference for ray–triangle hits, shapes and rays that make
-//! trouble, and proptest strategies.
+//! Test equipment for raybalance and its backends.
+//!
+//! * [`conformance`]: what every device must do, as cases that any backend can run.
+//! * [`reference`]: the exact answer for a ray, or the reason why there is more than one; [`brute`]: the defined bits.
+//! * [`shapes`], [`rays`], [`scenes`]: triangles and rays that make trouble, and real scenes.
+//! * [`strategy`]: the same for proptest.
+//! * [`fake`]: a correct device without hardware, and flawed ones that the suite must find out.
 #![forbid(unsafe_code)]
 
 pub mod brute;
+pub mod conformance;
 pub mod exact;
+pub mod fake;
 pub mod rays;
 pub mod reference;
+pub mod scenes;
 pub mod shapes;
 pub mod strategy;
+pub mod tree;
