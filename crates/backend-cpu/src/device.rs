@@ -56,8 +56,7 @@ impl CpuDevice {
             [first, .., last] => format!("CPU {index} (cores {}-{})", first.id, last.id),
         };
         let executor = Executor::new(index, threads, cores).map_err(|source| OpenError { threads, source })?;
-        let info =
-            DeviceInfo { name, backend: "cpu", units: threads as u32, in_flight: IN_FLIGHT, memory: None };
+        let info = DeviceInfo { name, backend: "cpu", units: threads as u32, in_flight: IN_FLIGHT, memory: None };
         Ok(Self { info, executor: Arc::new(executor) })
     }
 }

@@ -14,11 +14,7 @@ pub(crate) struct Executor {
 }
 
 impl Executor {
-    pub(crate) fn new(
-        device: usize,
-        threads: usize,
-        cores: Vec<CoreId>,
-    ) -> Result<Self, rayon::ThreadPoolBuildError> {
+    pub(crate) fn new(device: usize, threads: usize, cores: Vec<CoreId>) -> Result<Self, rayon::ThreadPoolBuildError> {
         let pool = if threads > 1 {
             let pinned = cores.clone();
             let builder = ThreadPoolBuilder::new()

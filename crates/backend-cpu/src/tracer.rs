@@ -32,8 +32,21 @@ pub(crate) struct CpuTracer {
 /// What the tracer's thread is asked to do.
 #[derive(Debug)]
 enum Job {
-    Trace { source: RaySource, spec: StreamSpec, tasks: Vec<Task>, done: Option<Arc<RayMask>>, out: Launch, reply: Sender<Launch> },
-    Walk { source: RaySource, spec: StreamSpec, rays: Vec<u32>, walk: Walk, reply: Sender<Walked> },
+    Trace {
+        source: RaySource,
+        spec: StreamSpec,
+        tasks: Vec<Task>,
+        done: Option<Arc<RayMask>>,
+        out: Launch,
+        reply: Sender<Launch>,
+    },
+    Walk {
+        source: RaySource,
+        spec: StreamSpec,
+        rays: Vec<u32>,
+        walk: Walk,
+        reply: Sender<Walked>,
+    },
 }
 
 #[derive(Debug)]
@@ -54,9 +67,9 @@ impl CpuTracer {
         let worker = Worker { executor, scene, clock };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
-        std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(|e| {
-            DeviceError::new(DeviceErrorKind::OutOfMemory, "the system cannot start another thread").with_source(e)
-        })?;
+        std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
+            |e| DeviceError::new(DeviceErrorKind::OutOfMemory, "the system cannot start another thread").with_source(e),
+        )?;
         Ok(Self {
             jobs,
             rays: 0,
@@ -263,10 +276,17 @@ impl Worker {
                 |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
                     let mut i = 0;
                     let rays = rays.iter().map(|&ray| source.ray(ray));
-                    rt_bvh::count(&self.scene, stack, walk, spec, rays, |hit, count| {
+                    let sink = |hit, count| {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
-                    });
+                    };
+                    match walk {
+                        // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
+                        Walk::Full => {
+                            rt_bvh::trace(&self.scene, stack, StreamSpec { counts: true, ..spec }, rays, sink)
+                        }
+                        Walk::Reduced(_) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, sink),
+                    }
                 },
             );
         });

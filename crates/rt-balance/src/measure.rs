@@ -78,13 +78,14 @@ pub(crate) fn measure(
         measured_s: measured,
         device_of,
         activities,
+        reference_s: None,
     }
 }
 
 /// Adds every walk and launch to the cost models of the devices.
 pub(crate) fn teach(members: &mut [Member], stream: &Stream, estimated: &Estimated, plan: &Plan, ran: &Ran) {
     for walk in &estimated.walks {
-        members[walk.member].models.walked(walk);
+        members[walk.member].models.walked(stream.kind, walk);
     }
     for launch in &ran.launches {
         let left = |task: TaskId| &plan.left[task as usize];
@@ -136,9 +137,7 @@ fn union(mut spans: Vec<(f64, f64)>) -> f64 {
 
 /// The imbalance over living devices, whose speeds are those of the plan's cost models.
 fn imbalance(plan: &Plan, devices: &[DeviceReport], makespan_s: f64) -> f64 {
-    let total = plan.left.iter().fold(Work::default(), |sum, work| {
-        Work::new(sum.rays() + work.rays(), sum.boxes() + work.boxes(), sum.triangles() + work.triangles())
-    });
+    let total = plan.left.iter().fold(Work::default(), |sum, work| sum.plus(work));
     let speeds: Vec<f64> = plan
         .models
         .iter()

@@ -3,7 +3,7 @@
 use crate::balancer::{Balancer, Member};
 use crate::measure::tests_of;
 use crate::report::StreamRun;
-use crate::{BalanceError, Stream};
+use crate::{BalanceError, Stream, clock};
 use rt_core::{DeviceError, Hit, Launch, TestCounts};
 use rt_sched::{bound, metrics};
 use std::time::Duration;
@@ -21,6 +21,8 @@ pub struct Reference {
     pub tests: Vec<f64>,
     /// Least seconds that any schedule of these tasks over these devices needs.
     pub lower_bound_s: f64,
+    /// Wall seconds that this took.
+    pub wall_s: f64,
 }
 
 impl Balancer {
@@ -33,6 +35,7 @@ impl Balancer {
     /// When the stream's tasks do not cover its rays, or every device failed.
     pub fn reference(&mut self, stream: &Stream, passes: usize) -> Result<Reference, BalanceError> {
         stream.check()?;
+        let begin = clock::now();
         self.load(stream)?;
         let mut seconds: Vec<Vec<f64>> = std::thread::scope(|scope| {
             let time = |member| scope.spawn(move || time_tasks(member, stream, passes.max(1)));
@@ -55,13 +58,15 @@ impl Balancer {
         };
         let living: Vec<&[f64]> = seconds.iter().filter(|s| !s.is_empty()).map(Vec::as_slice).collect();
         let lower_bound_s = bound::unrelated(&living);
-        Ok(Reference { seconds, tests, lower_bound_s })
+        let wall_s = clock::now().saturating_sub(begin).as_secs_f64();
+        Ok(Reference { seconds, tests, lower_bound_s, wall_s })
     }
 }
 
 impl Reference {
     /// Fills in what only a reference pass knows: lower bound, excess, and both estimation errors.
     pub fn judge(&self, run: &mut StreamRun) {
+        run.reference_s = Some(self.wall_s);
         let report = &mut run.report;
         report.lower_bound_s = Some(self.lower_bound_s);
         report.excess = metrics::excess(report.makespan_s, self.lower_bound_s);

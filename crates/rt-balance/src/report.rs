@@ -115,4 +115,6 @@ pub struct StreamRun {
     pub device_of: Vec<u32>,
     /// The timeline, in no particular order.
     pub activities: Vec<Activity>,
+    /// Wall seconds of the reference pass, if there was one.
+    pub reference_s: Option<f64>,
 }

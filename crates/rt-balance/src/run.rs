@@ -76,15 +76,7 @@ pub(crate) fn run(
     control: Control<'_>,
     limit: Duration,
 ) -> Result<Ran, BalanceError> {
-    let shared = Shared {
-        stream,
-        plan,
-        outputs,
-        control,
-        limit,
-        bell: Bell::default(),
-        rays_done: AtomicU64::new(0),
-    };
+    let shared = Shared { stream, plan, outputs, control, limit, bell: Bell::default(), rays_done: AtomicU64::new(0) };
     let mut ran = Ran::default();
     std::thread::scope(|scope| {
         let shared = &shared;

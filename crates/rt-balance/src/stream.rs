@@ -2,7 +2,8 @@
 
 use crate::BalanceError;
 use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
-use rt_sched::{Fraction, Lpt, Policy, Sampled};
+use rt_sched::estimate::Sampled;
+use rt_sched::policy::{Lpt, Policy};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
@@ -104,7 +105,7 @@ impl Default for Scheduling {
     /// The hybrid queue over sampled exact counts: 1 ray in 64, whose hits are kept.
     fn default() -> Self {
         Self {
-            estimator: Box::new(Sampled::exact(Fraction::default())),
+            estimator: Box::new(Sampled::default()),
             policy: None,
             queue: QueueKind::Hybrid,
             limit: Duration::from_secs(600),
@@ -125,6 +126,12 @@ impl Scheduling {
             (Some(policy), QueueKind::Hybrid) if policy.name() == LPT.name() => Ok(&**policy),
             (Some(policy), queue) => Err(BalanceError::PolicyUnused { policy: policy.name(), queue: queue.name() }),
         }
+    }
+
+    /// Name of the policy that will deal the tasks; `None` for the central queue, which has none.
+    #[must_use]
+    pub fn policy_name(&self) -> Option<&'static str> {
+        (self.queue != QueueKind::Central).then(|| self.policy.as_ref().map_or("lpt", |policy| policy.name()))
     }
 }
 

@@ -1,3 +1,33 @@
-//! Filled in below.
+//! Bounding volume hierarchies: building them, and tracing rays through them.
+//!
+//! [`build`] turns a mesh into an [`rt_core::Scene`]; [`trace`] finds hits; [`count`] finds what rays cost, with hits
+//! ([`rt_core::Walk::Full`]) or without touching a triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a
+//! tree.
+//!
+//! There is one traversal loop, generic over a visitor. Hits are a function of ray and triangles alone: they do not
+//! depend on the builder, its options or the order of traversal (the module `trace` says why).
+//!
+//! # Current state and limits
+//!
+//! * Trees are two children wide, rays are traced one at a time, in portable code without `unsafe`.
+//! * Coordinates smaller than 2⁻¹²⁶ of the largest one in the mesh are rounded to multiples of 2⁻¹⁴⁹ of it.
+//! * A ray whose origin is further away than 2¹²⁷ times the largest coordinate of the mesh misses.
+//! * Spatial splits are not made: a triangle is in exactly one leaf.
 #![no_std]
 #![forbid(unsafe_code)]
+#![warn(clippy::std_instead_of_core, clippy::std_instead_of_alloc)]
+
+extern crate alloc;
+
+mod build;
+mod options;
+mod scale;
+mod stats;
+mod trace;
+
+pub use build::{BuildError, BuildReport, Built, Fallback, build};
+#[cfg(feature = "obvhs")]
+pub use options::PlocQuality;
+pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
+pub use stats::TreeStats;
+pub use trace::{Stack, count, trace};

@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
+use rt_bvh::Builder;
 use std::path::PathBuf;
 
 /// Trace a scene over several devices, balanced by estimated cost.
@@ -47,9 +48,9 @@ pub(crate) struct SceneArgs {
     /// Leave out triangles with NaN or infinite vertices instead of refusing the file
     #[arg(long)]
     pub(crate) drop_invalid: bool,
-    /// Tree builder: sah, or a PLOC preset (see `raybalance render --help`)
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
     #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
-    pub(crate) builder: String,
+    pub(crate) builder: Builder,
     /// Triangle tests: robust (watertight), fast (leaks on edges), f64; default: what the scene requires
     #[arg(long, value_enum)]
     pub(crate) precision: Option<PrecisionArg>,

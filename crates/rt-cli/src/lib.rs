@@ -2,11 +2,18 @@
 #![forbid(unsafe_code)]
 
 mod args;
+mod balance;
+pub mod chart;
 mod devices;
+mod frame;
+pub mod image;
 mod interrupt;
 mod list;
+pub mod npy;
+pub mod output;
 mod progress;
 mod render;
+mod report;
 mod scene_source;
 mod shade;
 mod table;

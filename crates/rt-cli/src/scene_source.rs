@@ -4,7 +4,7 @@ use crate::args::{PrecisionArg, SceneArgs};
 use crate::progress;
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
-use rt_bvh::{BuildOptions, Builder, Built, InvalidTriangles, Mesh};
+use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh};
 use rt_core::Precision;
 use rt_scene::obj::{LoadOptions, LoadProgress, load_obj};
 use rt_scene::scan::Plan;
@@ -29,7 +29,6 @@ pub(crate) struct Prepared {
 
 /// Loads or generates the scene, scans it and builds its tree.
 pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
-    let builder = builder(&args.builder)?;
     let start = Instant::now();
     let model = load(scene, args.drop_invalid)?;
     let scanned = scan::scan(&model);
@@ -39,7 +38,7 @@ pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
     let start = Instant::now();
     let invalid = if args.drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse };
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
-    let options = BuildOptions { builder, invalid, ..BuildOptions::default() };
+    let options = BuildOptions { builder: args.builder, invalid, ..BuildOptions::default() };
     let built = rt_bvh::build(mesh, &options).with_context(|| format!("building the tree of {}", model.source))?;
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();
@@ -103,9 +102,11 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
     Ok(loaded.model)
 }
 
-fn builder(name: &str) -> Result<Builder> {
-    Builder::all().find(|builder| builder.name() == name).with_context(|| {
-        let names: Vec<&str> = Builder::all().map(|builder| builder.name()).collect();
-        format!("--builder: there is no `{name}`; there are: {}", names.join(", "))
-    })
+/// The name of a precision, as the command line spells it.
+pub(crate) const fn precision_name(precision: Precision) -> &'static str {
+    match precision {
+        Precision::Robust => "robust",
+        Precision::Fast => "fast",
+        Precision::Double => "f64",
+    }
 }

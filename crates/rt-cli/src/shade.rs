@@ -2,13 +2,13 @@
 
 use glam::Vec3;
 use rt_scene::View;
+use rt_scene::streams::Sun;
 
 /// Radiance of the sun's disc times its solid angle, relative to a white sky of 1: a clear day's sun lights a surface
 /// that faces it about three times as much as the whole sky does.
 const SUN_IRRADIANCE: Vec3 = Vec3::new(9.0, 8.2, 7.0);
 
-/// Sine of half the angle of the sun's disc. The real one is 0.0047; ten times that gives penumbras one can see at
-/// one sample per pixel.
+/// Angular radius of the sun in radians: ten times the real one, for penumbras that one can see.
 const SUN_RADIUS: f32 = 0.045;
 
 /// Height of the sun above the horizon.
@@ -24,8 +24,7 @@ const FILL: f32 = 0.3;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light {
     up: Vec3,
-    /// Unit vector towards the sun.
-    pub(crate) sun: Vec3,
+    pub(crate) sun: Sun,
     /// Distance over which a surface is felt to stand in the light's way.
     reach: f32,
 }
@@ -42,12 +41,9 @@ impl Light {
         let sun = (back * cos_a + left * sin_a) * cos_e + up * sin_e;
         // The distance to the subject, not the extent, says how large things are where the ground is huge.
         let reach = (0.25 * extent).min(view.eye.distance(view.target)).max(f32::MIN_POSITIVE);
+        // Cannot fail: a unit vector and a constant below a right angle.
+        let sun = Sun::new(sun, SUN_RADIUS).expect("a unit direction and a small disc make a sun");
         Self { up, sun, reach }
-    }
-
-    /// Half-angle sine of the sun.
-    pub(crate) const fn sun_radius(self) -> f32 {
-        SUN_RADIUS
     }
 
     /// Radiance from outside the scene along a direction of any length.
@@ -105,7 +101,7 @@ mod tests {
 
     #[test]
     fn the_sun_stands_above_and_on_the_camera_s_side() {
-        let sun = light().sun;
+        let sun = light().sun.direction();
         assert!((sun.length() - 1.0).abs() < 1e-5 && sun.y > 0.5 && sun.z > 0.0, "{sun}");
     }
 

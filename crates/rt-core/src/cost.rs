@@ -60,6 +60,12 @@ impl Work {
         (self.std_error >= 0.0).then_some(self.std_error)
     }
 
+    /// Both works done one after the other; the standard error is unknown.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self::new(self.rays + other.rays, self.boxes + other.boxes, self.triangles + other.triangles)
+    }
+
     /// Tests (not rays) multiplied by `factor`; the standard error scales along.
     #[must_use]
     pub fn scaled(&self, factor: f32) -> Self {

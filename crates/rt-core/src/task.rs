@@ -119,7 +119,11 @@ mod tests {
         assert_eq!(mask.count(), 4);
         assert!(mask.contains(69) && !mask.contains(1) && !mask.contains(1_000));
         for (start, end) in [(0, 0), (0, 1), (1, 63), (0, 64), (63, 65), (64, 70), (0, 70), (0, 1_000), (500, 900)] {
-            assert_eq!(mask.count_in(start..end), (start..end).filter(|&r| mask.contains(r)).count() as u32, "{start}..{end}");
+            assert_eq!(
+                mask.count_in(start..end),
+                (start..end).filter(|&r| mask.contains(r)).count() as u32,
+                "{start}..{end}"
+            );
         }
     }
 }

@@ -1,0 +1,39 @@
+//! Powers of two by their bits: exact, and the same on every platform.
+
+use glam::Vec3;
+
+/// 2^exponent in double precision, for −1022 ≤ exponent ≤ 1023; all that single-precision inputs can ask for.
+pub(crate) const fn pow2(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}
+
+/// The `e` with 2^(e−1) ≤ |x| < 2^e; 0 for zero. `x` is finite.
+pub(crate) const fn exponent(x: f32) -> i32 {
+    let bits = x.to_bits() & 0x7fff_ffff;
+    match bits >> 23 {
+        0 if bits == 0 => 0,
+        // A subnormal number is `bits · 2^−149`.
+        0 => 32 - bits.leading_zeros() as i32 - 149,
+        biased => biased as i32 - 126,
+    }
+}
+
+/// `v · factor`, rounded once: exact for a power of two unless the result is subnormal or overflows.
+pub(crate) fn scaled(v: Vec3, factor: f64) -> Vec3 {
+    (v.as_dvec3() * factor).as_vec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exponents_bracket_every_magnitude() {
+        for x in [1.0, 1.5, 0.5, 0.99, f32::MAX, f32::MIN_POSITIVE, 1e-40, f32::from_bits(1), -3.0] {
+            let e = exponent(x);
+            let magnitude = f64::from(x.abs());
+            assert!(pow2(e - 1) <= magnitude && magnitude < pow2(e), "{x}: {e}");
+        }
+        assert_eq!((exponent(0.0), pow2(0), pow2(-3)), (0, 1.0, 0.125));
+    }
+}

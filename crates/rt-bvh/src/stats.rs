@@ -1,0 +1,63 @@
+//! What a tree is like: its shape, and what a ray is expected to pay for it.
+
+use rt_core::{Child, Scene};
+
+/// Cost of visiting a node, two box tests, in units of [`TRIANGLE_COST`]. Fitted to this crate's traversal.
+pub(crate) const NODE_COST: f32 = 1.0;
+/// Cost of a triangle test: the unit.
+pub(crate) const TRIANGLE_COST: f32 = 1.0;
+
+/// Figures that describe the tree of a [`Scene`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TreeStats {
+    /// Expected cost of a ray that crosses the scene's box and hits nothing, by the surface area heuristic of J.
+    /// Goldsmith and J. Salmon, *Automatic Creation of Object Hierarchies for Ray Tracing* (1987): 1 for each node
+    /// visited (two box tests) and 1 for each triangle test. No unit; lower is better.
+    pub sah_cost: f32,
+    /// Most inner nodes on a path from the root.
+    pub depth: u32,
+    /// Number of inner nodes.
+    pub nodes: u32,
+    /// Number of leaves.
+    pub leaves: u32,
+    /// Triangles in the largest leaf.
+    pub largest_leaf: u32,
+    /// Triangles in a leaf on average; 0 without leaves.
+    pub mean_leaf: f32,
+    /// Bytes of nodes, triangles and ids per triangle; 0 without triangles.
+    pub bytes_per_triangle: f32,
+}
+
+impl TreeStats {
+    /// Describes `scene`, in time linear in its size.
+    #[must_use]
+    pub fn of(scene: &Scene) -> Self {
+        let root_area = f64::from(scene.bounds().half_area());
+        let mut stats = Self { depth: scene.depth(), nodes: scene.nodes().len() as u32, ..Self::default() };
+        // The root is visited by every ray; the sums are of many small terms, hence double precision.
+        let mut cost = f64::from(NODE_COST) * root_area;
+        for node in scene.nodes() {
+            for side in 0..2 {
+                let area = f64::from(node.bounds[side].half_area());
+                match node.child(side) {
+                    Child::Absent => {}
+                    Child::Inner(_) => cost += area * f64::from(NODE_COST),
+                    Child::Leaf { count, .. } => {
+                        cost += area * f64::from(TRIANGLE_COST) * f64::from(count);
+                        stats.leaves += 1;
+                        stats.largest_leaf = stats.largest_leaf.max(count);
+                    }
+                }
+            }
+        }
+        let triangles = scene.triangles().len() as f64;
+        if root_area > 0.0 {
+            stats.sah_cost = (cost / root_area) as f32;
+        }
+        if stats.leaves > 0 {
+            stats.mean_leaf = (triangles / f64::from(stats.leaves)) as f32;
+            stats.bytes_per_triangle = (scene.bytes() as f64 / triangles) as f32;
+        }
+        stats
+    }
+}

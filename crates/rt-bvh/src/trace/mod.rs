@@ -1,0 +1,75 @@
+//! Tracing rays: what is asked, and the choice of the kernel that answers.
+//!
+//! # Why hits do not depend on the tree
+//!
+//! A hit is accepted when (1) the reference test [`rt_core::intersect::Shear`] accepts it, and (2) the ray, cut at the
+//! hit, passes the box test against the triangle's own bounds. Every box above the triangle contains those bounds, and
+//! the box test is monotone (see `slabs`): whatever passes (2) passes every ancestor, under any limit that
+//! would still let the hit improve the result. So a traversal finds exactly the triangles that a test of all of them
+//! would find, whatever tree it walks. Condition (2) never refuses a hit that exists: the box test is padded beyond all
+//! rounding errors. It only refuses false hits of the reference test itself, on triangles below 2⁻⁵⁰ of the distance.
+//!
+//! Single precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
+
+mod slabs;
+mod triangle;
+mod visitor;
+mod walk;
+
+pub use walk::Stack;
+
+use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
+use triangle::{Double, Fast, Robust, TriangleTest};
+use visitor::{Nearest, Reduced};
+
+/// Traces rays and hands each one's hit to `sink`, in order.
+///
+/// Beside each ray stands the primitive it starts on, which it never hits (`u32::MAX`: none). The counts are zero
+/// unless `spec.counts` asks for them. An invalid ray (see [`Ray::is_valid`]) misses with zero counts.
+///
+/// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the candidates.
+pub fn trace<R, S>(scene: &Scene, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
+where
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    match spec.precision {
+        Precision::Robust => trace_with::<Robust, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
+        Precision::Fast => trace_with::<Fast, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
+        Precision::Double => trace_with::<Double, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
+    }
+}
+
+/// Counts the tests of rays and hands them to `sink`, in order.
+///
+/// A visited node costs two box tests, one where a child is absent; a leaf costs as many triangle tests as it holds
+/// triangles. [`Walk::Full`] finds the nearest hit as well: its counts and hits are those of [`trace`]. Reduced walks
+/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them.
+pub fn count<R, S>(scene: &Scene, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
+where
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    match walk {
+        Walk::Full => {
+            trace(scene, stack, StreamSpec { query: Query::Closest, precision, counts: true }, rays, sink);
+        }
+        Walk::Reduced(ReducedWalk::LeafAsHit) => walk::each::<Reduced<true>, R, S>(scene, stack, rays, sink),
+        Walk::Reduced(ReducedWalk::Unshortened) => walk::each::<Reduced<false>, R, S>(scene, stack, rays, sink),
+    }
+}
+
+/// Chooses the kernel, once per batch.
+fn trace_with<T, R, S>(scene: &Scene, stack: &mut Stack, query: Query, counts: bool, rays: R, sink: S)
+where
+    T: TriangleTest,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    match (query, counts) {
+        (Query::Closest, false) => walk::each::<Nearest<T, false, false>, R, S>(scene, stack, rays, sink),
+        (Query::Closest, true) => walk::each::<Nearest<T, false, true>, R, S>(scene, stack, rays, sink),
+        (Query::Any, false) => walk::each::<Nearest<T, true, false>, R, S>(scene, stack, rays, sink),
+        (Query::Any, true) => walk::each::<Nearest<T, true, true>, R, S>(scene, stack, rays, sink),
+    }
+}

@@ -1,0 +1,222 @@
+//! Ray–triangle tests in three precisions.
+//!
+//! # The filter of [`Robust`]
+//!
+//! [`Robust`] gives the hits of [`Double`] bit for bit: it only rejects, in single precision, triangles whose rejection
+//! by the reference test [`Shear`] is certain, and asks that test about the others. The test rejects a triangle when
+//! one of its edge functions is negative and another positive, so it suffices to bound the error of the same functions
+//! in single precision.
+//!
+//! Let u = 2⁻²⁴, and m the greatest distance along an axis from the origin to the scene's box (so every coordinate
+//! relative to the origin is at most m). Lower-order terms are covered by rounding the factors up.
+//!
+//! * A relative coordinate is off by u·m (one subtraction of exact numbers).
+//! * A shear factor s has |s| ≤ 1 and is off by u (one division). s·z is off by 3·u·m: from z, from s, from the product.
+//! * A sheared coordinate, the difference, is off by D = u·m + 3·u·m + u·2m ≤ 6.5·u·m, and is at most 2.01·m.
+//! * In an edge function cx·by − cy·bx, let X and Y bound the computed |x| and |y| of the triangle. Errors of the factors
+//!   change it by 2D·(X + Y) + 2D². The two products and the difference round off 4·u·X·Y, and X·Y ≤ (X + Y)²/4 ≤
+//!   1.01·m·(X + Y). Together E ≤ (13 + 4.1)·u·m·(X + Y) + 85·u²·m² < 18·u·m·(X + Y + 5·u·m).
+//! * The reference test's own error is the same expression with 2⁻⁵³ for u, far below the 5% that 18 rounds up.
+//!
+//! So: an edge function below −E is negative in the reference test as well, and one above E positive. Underflow is
+//! harmless as m is kept above 2⁻⁴⁰, where E exceeds 2⁻¹²². Overflow is harmless as the filter is switched off
+//! (E = ∞) for m above 2⁶⁰.
+
+use super::slabs::{LocalRay, U};
+use core::ops::ControlFlow;
+use glam::Vec3;
+use rt_core::Triangle;
+use rt_core::intersect::{Intersection, Shear, shear_axes};
+
+/// Tests a ray against triangles.
+pub(super) trait TriangleTest {
+    /// Whether a hit must also pass the box test against the triangle's bounds; see the module above.
+    const GATED: bool;
+
+    fn new(ray: &LocalRay) -> Self;
+
+    /// Calls `meet` with the position of each triangle that the whole line meets, and where, until it breaks.
+    /// Distances are in given units.
+    fn leaf<F>(&self, triangles: &[Triangle], meet: F) -> ControlFlow<()>
+    where
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>;
+
+    /// Given distances are the intersections' times this.
+    fn t_scale(&self) -> f64;
+}
+
+/// The reference test for every triangle.
+pub(super) struct Double {
+    shear: Shear,
+    t_scale: f64,
+}
+
+impl TriangleTest for Double {
+    const GATED: bool = true;
+
+    #[inline]
+    fn new(ray: &LocalRay) -> Self {
+        Self { shear: Shear::new(ray.origin, ray.given.direction), t_scale: ray.scale }
+    }
+
+    #[inline]
+    fn leaf<F>(&self, triangles: &[Triangle], mut meet: F) -> ControlFlow<()>
+    where
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
+    {
+        for (i, triangle) in triangles.iter().enumerate() {
+            if let Some(intersection) = self.shear.intersect(triangle) {
+                meet(i, &intersection)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    #[inline]
+    fn t_scale(&self) -> f64 {
+        self.t_scale
+    }
+}
+
+/// The reference test behind a single-precision filter.
+pub(super) struct Robust {
+    exact: Double,
+    origin: Vec3,
+    /// The direction's dominant axis.
+    dominant: usize,
+    /// Shear factors, in single precision.
+    shear: [f32; 2],
+    /// 18·u·m, or ∞.
+    error: f32,
+    /// 5·u·m.
+    floor: f32,
+}
+
+/// Smallest and largest m for which the filter's arithmetic neither underflows nor overflows.
+const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
+
+impl TriangleTest for Robust {
+    const GATED: bool = true;
+
+    #[inline]
+    fn new(ray: &LocalRay) -> Self {
+        let direction = ray.given.direction;
+        let [x, y, dominant] = shear_axes(direction);
+        let reach = if ray.reach > REACH[0] { ray.reach } else { REACH[0] };
+        Self {
+            exact: Double::new(ray),
+            origin: ray.origin,
+            dominant,
+            shear: [direction[x] / direction[dominant], direction[y] / direction[dominant]],
+            error: if reach <= REACH[1] { 18.0 * U * reach } else { f32::INFINITY },
+            floor: 5.0 * U * reach,
+        }
+    }
+
+    #[inline]
+    fn leaf<F>(&self, triangles: &[Triangle], meet: F) -> ControlFlow<()>
+    where
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
+    {
+        // One loop for each dominant axis, so that coordinates are picked at compile time.
+        match self.dominant {
+            0 => self.filter::<1, 2, 0, F>(triangles, meet),
+            1 => self.filter::<2, 0, 1, F>(triangles, meet),
+            _ => self.filter::<0, 1, 2, F>(triangles, meet),
+        }
+    }
+
+    #[inline]
+    fn t_scale(&self) -> f64 {
+        self.exact.t_scale
+    }
+}
+
+impl Robust {
+    #[inline(always)]
+    fn filter<const X: usize, const Y: usize, const Z: usize, F>(
+        &self,
+        triangles: &[Triangle],
+        mut meet: F,
+    ) -> ControlFlow<()>
+    where
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
+    {
+        for (i, triangle) in triangles.iter().enumerate() {
+            if self.misses::<X, Y, Z>(triangle) {
+                continue;
+            }
+            if let Some(intersection) = self.exact.shear.intersect(triangle) {
+                meet(i, &intersection)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Whether the line certainly misses the triangle.
+    #[inline(always)]
+    fn misses<const X: usize, const Y: usize, const Z: usize>(&self, triangle: &Triangle) -> bool {
+        let [[ax, ay], [bx, by], [cx, cy]] = triangle.vertices().map(|vertex| {
+            let p = (vertex - self.origin).to_array();
+            [p[X] - self.shear[0] * p[Z], p[Y] - self.shear[1] * p[Z]]
+        });
+        let u = cx * by - cy * bx;
+        let v = ax * cy - ay * cx;
+        let w = bx * ay - by * ax;
+        let largest_x = greatest(ax.abs(), bx.abs(), cx.abs());
+        let largest_y = greatest(ay.abs(), by.abs(), cy.abs());
+        let error = (largest_x + largest_y + self.floor) * self.error;
+        // False for NaN, which only an overflow can have made.
+        (u < -error || v < -error || w < -error) && (u > error || v > error || w > error)
+    }
+}
+
+/// The greatest of three numbers.
+#[inline(always)]
+fn greatest(a: f32, b: f32, c: f32) -> f32 {
+    let d = if a > b { a } else { b };
+    if d > c { d } else { c }
+}
+
+/// T. Möller and B. Trumbore, *Fast, Minimum Storage Ray/Triangle Intersection* (1997), in single precision.
+pub(super) struct Fast {
+    origin: Vec3,
+    direction: Vec3,
+    t_scale: f64,
+}
+
+impl TriangleTest for Fast {
+    const GATED: bool = false;
+
+    #[inline]
+    fn new(ray: &LocalRay) -> Self {
+        Self { origin: ray.origin, direction: ray.direction, t_scale: ray.t_scale }
+    }
+
+    #[inline]
+    fn leaf<F>(&self, triangles: &[Triangle], mut meet: F) -> ControlFlow<()>
+    where
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
+    {
+        for (i, triangle) in triangles.iter().enumerate() {
+            let (ab, ac) = (triangle.b - triangle.a, triangle.c - triangle.a);
+            let p = self.direction.cross(ac);
+            let reciprocal = 1.0 / ab.dot(p);
+            let s = self.origin - triangle.a;
+            let u = s.dot(p) * reciprocal;
+            let q = s.cross(ab);
+            let v = self.direction.dot(q) * reciprocal;
+            // False for NaN: a triangle seen edge-on is missed.
+            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
+                let t = ac.dot(q) * reciprocal;
+                meet(i, &Intersection { t: t.into(), u: u.into(), v: v.into() })?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    #[inline]
+    fn t_scale(&self) -> f64 {
+        self.t_scale
+    }
+}

@@ -1,0 +1,149 @@
+//! The traversal loop.
+
+use super::slabs::{Frame, LocalRay};
+use alloc::vec::Vec;
+use core::ops::ControlFlow;
+use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
+
+/// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
+pub(super) trait Visitor<'a>: Sized {
+    /// Begins a ray that must not hit the primitive `excluded`.
+    fn begin(scene: &'a Scene, ray: &LocalRay, excluded: u32) -> Self;
+
+    /// So many boxes are tested.
+    fn boxes(&mut self, count: u32);
+
+    /// Boxes entered beyond this local distance are passed by.
+    fn limit(&self) -> f32;
+
+    /// The ray entered the box of the leaf that holds triangles `first .. first + count`, at local distance `entry`.
+    /// `Break` ends the ray.
+    fn leaf(&mut self, entry: f32, first: u32, count: u32) -> ControlFlow<()>;
+
+    /// Ends a ray.
+    fn finish(self) -> (Hit, TestCounts);
+}
+
+/// Scratch memory of a traversal: children passed by that may have to be visited later.
+#[derive(Clone, Debug, Default)]
+pub struct Stack {
+    entries: Vec<Pending>,
+}
+
+/// A child whose box was entered.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pending {
+    child: u32,
+    count: u32,
+    entry: f32,
+}
+
+impl Pending {
+    const ROOT: Self = Self { child: 0, count: 0, entry: 0.0 };
+}
+
+impl Stack {
+    /// A stack as deep as `scene` asks for. Used with a deeper scene it grows.
+    #[must_use]
+    pub fn for_scene(scene: &Scene) -> Self {
+        let mut stack = Self::default();
+        stack.fit(scene);
+        stack
+    }
+
+    fn fit(&mut self, scene: &Scene) {
+        // Each inner node on the path from the root leaves at most one child behind.
+        let depth = scene.depth() as usize;
+        if self.entries.len() < depth {
+            self.entries.resize(depth, Pending::default());
+        }
+    }
+}
+
+/// Walks every ray with a visitor of its own.
+pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, mut sink: S)
+where
+    V: Visitor<'a>,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    stack.fit(scene);
+    let frame = Frame::of(scene);
+    let nodes = scene.nodes();
+    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
+    for (ray, excluded) in rays {
+        let Some(ray) = frame.localize(&ray) else {
+            sink(Hit::MISS, TestCounts::default());
+            continue;
+        };
+        let mut visitor = V::begin(scene, &ray, excluded);
+        let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &ray, &mut visitor) };
+        if let Some(start) = start {
+            // The visitor leaves the loop early when it knows the answer.
+            let _ = walk(nodes, &mut stack.entries, start, &ray, &mut visitor);
+        }
+        let (hit, counts) = visitor.finish();
+        sink(hit, counts);
+    }
+}
+
+/// Enters a root that lacks a child: the loop below trusts that every node has two.
+fn enter_part<'a, V: Visitor<'a>>(root: &Node, ray: &LocalRay, visitor: &mut V) -> Option<Pending> {
+    let side = (0..2).find(|&side| root.child(side) != Child::Absent)?;
+    visitor.boxes(1);
+    let entry = ray.slabs.enter(&root.bounds[side], visitor.limit())?;
+    Some(Pending { child: root.child[side], count: root.count[side], entry })
+}
+
+/// Visits what the ray enters, front to back.
+#[inline(always)]
+fn walk<'a, V: Visitor<'a>>(
+    nodes: &[Node],
+    stack: &mut [Pending],
+    start: Pending,
+    ray: &LocalRay,
+    visitor: &mut V,
+) -> ControlFlow<()> {
+    let slabs = ray.slabs;
+    let mut used = 0;
+    let mut next = start;
+    loop {
+        if next.count == 0 {
+            let node = &nodes[next.child as usize];
+            visitor.boxes(2);
+            let pending = |side: usize, entry| Pending { child: node.child[side], count: node.count[side], entry };
+            match slabs.enter_children(node, visitor.limit()) {
+                [Some(a), Some(b)] => {
+                    let (near, far) =
+                        if a <= b { (pending(0, a), pending(1, b)) } else { (pending(1, b), pending(0, a)) };
+                    stack[used] = far;
+                    used += 1;
+                    next = near;
+                    continue;
+                }
+                [Some(a), None] => {
+                    next = pending(0, a);
+                    continue;
+                }
+                [None, Some(b)] => {
+                    next = pending(1, b);
+                    continue;
+                }
+                [None, None] => {}
+            }
+        } else {
+            visitor.leaf(next.entry, next.child, next.count)?;
+        }
+        // The limit may have come down since a child was left behind.
+        loop {
+            if used == 0 {
+                return ControlFlow::Continue(());
+            }
+            used -= 1;
+            next = stack[used];
+            if next.entry <= visitor.limit() {
+                break;
+            }
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! One frame: camera, shadow and diffuse streams in waves, shaded into a film.
+
+use crate::progress;
+use crate::shade::{Light, facing_normal};
+use anyhow::Result;
+use glam::Vec3;
+use rt_balance::report::StreamRun;
+use rt_balance::{Balancer, Control, Scheduling, Stream};
+use rt_core::{Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec};
+use rt_scene::Model;
+use rt_scene::streams::Spawner;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+/// Passes of the reference measurement; the median of three survives one disturbance.
+const REFERENCE_PASSES: usize = 3;
+
+/// Bytes that one ray of a wave needs at most: its own 32, origin, hit, pixel and throughput of this bounce and the
+/// next, and its shadow ray.
+pub(crate) const BYTES_PER_RAY: u64 = 256;
+
+/// How tasks are cut.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum TaskCut {
+    /// Tasks of this many rays.
+    Size(u32),
+    /// This many tasks per stream.
+    Count(u32),
+}
+
+impl TaskCut {
+    pub(crate) fn size(self, rays: u32) -> u32 {
+        match self {
+            Self::Size(size) => size,
+            Self::Count(tasks) => rays.div_ceil(tasks).max(1),
+        }
+    }
+}
+
+/// What stays the same over all frames.
+#[derive(Debug)]
+pub(crate) struct Renderer<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) light: Light,
+    pub(crate) size: [u32; 2],
+    pub(crate) samples: u32,
+    pub(crate) bounces: u32,
+    pub(crate) precision: Precision,
+    pub(crate) cut: TaskCut,
+    pub(crate) seed: u32,
+    pub(crate) reference: bool,
+    pub(crate) cancel: &'a AtomicBool,
+}
+
+/// Sums of radiance over the samples of each pixel, row by row.
+#[derive(Clone, Debug)]
+pub(crate) struct Film {
+    width: u32,
+    samples: u32,
+    sums: Vec<Vec3>,
+}
+
+impl Film {
+    pub(crate) fn new([width, height]: [u32; 2], samples: u32) -> Self {
+        Self { width, samples, sums: vec![Vec3::ZERO; width as usize * height as usize] }
+    }
+
+    /// Adds to a pixel given as `x | y << 16`.
+    fn add(&mut self, pixel: u32, radiance: Vec3) {
+        self.sums[((pixel >> 16) * self.width + (pixel & 0xffff)) as usize] += radiance;
+    }
+
+    /// Mean radiance of each pixel.
+    pub(crate) fn radiance(&self) -> Vec<Vec3> {
+        let scale = 1.0 / self.samples as f32;
+        self.sums.iter().map(|&sum| sum * scale).collect()
+    }
+}
+
+/// The rays of one bounce, and what the camera sees through them.
+struct Front {
+    source: RaySource,
+    /// For each ray, its pixel.
+    pixels: Vec<u32>,
+    /// For each ray, the share of its radiance that reaches the pixel.
+    throughput: Vec<Vec3>,
+}
+
+impl Renderer<'_> {
+    /// Renders the pixels of one wave into `film` and appends what was recorded of each stream to `runs`.
+    pub(crate) fn wave(
+        &self,
+        balancer: &mut Balancer,
+        scheduling: &mut Scheduling,
+        camera: Camera,
+        at: (u32, u32),
+        pixels: &Arc<[u32]>,
+        film: &mut Film,
+        runs: &mut Vec<StreamRun>,
+    ) -> Result<()> {
+        let (frame, _) = at;
+        // Frames of an orbit must not repeat their noise; runs with one seed must.
+        let seed = self.seed.wrapping_add(frame.wrapping_mul(0x9e37_79b9));
+        let rays = CameraRays { camera, size: self.size, pixels: Arc::clone(pixels), samples: self.samples, seed };
+        let pixels: Vec<u32> =
+            pixels.iter().flat_map(|&pixel| std::iter::repeat_n(pixel, self.samples as usize)).collect();
+        let throughput = vec![Vec3::ONE; pixels.len()];
+        let mut front = Front { source: RaySource::Camera(Arc::new(rays)), pixels, throughput };
+        let mut run = |stream: Stream| -> Result<Vec<Hit>> {
+            let (record, hits) = self.trace(balancer, scheduling, stream, at)?;
+            runs.push(record);
+            Ok(hits)
+        };
+        for bounce in 0..=self.bounces {
+            let kind = if bounce == 0 { StreamKind::Primary } else { StreamKind::Diffuse(bounce - 1) };
+            let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
+            self.add_misses(&front, &hits, film);
+            let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, bounce };
+            let (source, parents) = spawner.shadow(&self.light.sun, 0..hits.len() as u32).into_source();
+            let blocked = run(self.stream(source, StreamKind::Shadow(bounce), Query::Any))?;
+            self.add_sunlight(&front, &hits, &parents, &blocked, film);
+            if bounce == self.bounces {
+                self.add_fill(&front, &hits, film);
+                break;
+            }
+            let (source, parents) = spawner.diffuse(0..hits.len() as u32).into_source();
+            let parents = parents.iter().map(|&i| i as usize);
+            front = Front {
+                pixels: parents.clone().map(|i| front.pixels[i]).collect(),
+                throughput: parents.map(|i| front.throughput[i] * self.model.colour(hits[i].primitive)).collect(),
+                source,
+            };
+        }
+        Ok(())
+    }
+
+    fn stream(&self, source: RaySource, kind: StreamKind, query: Query) -> Stream {
+        let size = self.cut.size(source.len());
+        let spec = StreamSpec { query, precision: self.precision, counts: false };
+        Stream { seed: self.seed, ..Stream::new(source, kind, spec).with_task_size(size) }
+    }
+
+    fn trace(
+        &self,
+        balancer: &mut Balancer,
+        scheduling: &mut Scheduling,
+        stream: Stream,
+        (frame, wave): (u32, u32),
+    ) -> Result<(StreamRun, Vec<Hit>)> {
+        let stream = Stream { frame, wave, ..stream };
+        let mut hits = vec![Hit::MISS; stream.source.len() as usize];
+        let bar = progress::bar("tracing", stream.source.len().into());
+        let show = |done, _| bar.set_position(done);
+        let control = Control { cancel: Some(self.cancel), progress: Some(&show) };
+        let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
+        bar.finish_and_clear();
+        let mut run = traced?;
+        if self.reference && !stream.tasks.is_empty() {
+            balancer.reference(&stream, REFERENCE_PASSES)?.judge(&mut run);
+        }
+        Ok((run, hits))
+    }
+
+    fn add_misses(&self, front: &Front, hits: &[Hit], film: &mut Film) {
+        for (i, _) in hits.iter().enumerate().filter(|(_, hit)| !hit.is_hit()) {
+            let direction = front.source.ray(i as u32).0.direction;
+            film.add(front.pixels[i], front.throughput[i] * self.light.sky(direction));
+        }
+    }
+
+    fn add_sunlight(&self, front: &Front, hits: &[Hit], parents: &[u32], blocked: &[Hit], film: &mut Film) {
+        for (&parent, _) in parents.iter().zip(blocked).filter(|(_, shadow)| !shadow.is_hit()) {
+            let i = parent as usize;
+            let primitive = hits[i].primitive;
+            let Some(normal) = self.normal(primitive, &front.source.ray(parent).0) else { continue };
+            let light = self.light.sunlight(normal.dot(self.light.sun.direction()));
+            film.add(front.pixels[i], front.throughput[i] * self.model.colour(primitive) * light);
+        }
+    }
+
+    fn add_fill(&self, front: &Front, hits: &[Hit], film: &mut Film) {
+        for (i, hit) in hits.iter().enumerate().filter(|(_, hit)| hit.is_hit()) {
+            let distance = hit.t * front.source.ray(i as u32).0.direction.length();
+            let light = self.light.fill(distance);
+            film.add(front.pixels[i], front.throughput[i] * self.model.colour(hit.primitive) * light);
+        }
+    }
+
+    fn normal(&self, primitive: u32, ray: &Ray) -> Option<Vec3> {
+        facing_normal(self.model.triangle(primitive)?.area_normal(), ray.direction)
+    }
+}

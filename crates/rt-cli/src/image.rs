@@ -1,0 +1,103 @@
+//! Pictures from linear radiance.
+
+use crate::output::write_atomically;
+use anyhow::{Result, ensure};
+use glam::Vec3;
+use std::path::Path;
+
+/// Writes linear radiance (Rec. 709 primaries, row by row from the upper left) as an 8-bit sRGB PNG.
+///
+/// Radiance up to about 0.8 keeps its colour; what is brighter is compressed towards white. Values that are negative
+/// or not numbers become black, infinite ones white.
+///
+/// # Errors
+/// When `radiance` does not have `width · height` entries, or the file cannot be written.
+pub fn write_png(path: &Path, width: u32, height: u32, radiance: &[Vec3]) -> Result<()> {
+    let pixels = u64::from(width) * u64::from(height);
+    ensure!(radiance.len() as u64 == pixels, "{} radiances for a picture of {width} × {height}", radiance.len());
+    let bytes: Vec<u8> = radiance.iter().flat_map(|&pixel| encode(pixel)).collect();
+    write_rgb(path, width, height, &bytes)
+}
+
+/// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
+pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    write_atomically(path, |out| {
+        let mut encoder = png::Encoder::new(out, width, height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(bytes)?;
+        Ok(writer.finish()?)
+    })
+}
+
+/// Tone-mapped and encoded as 8-bit sRGB.
+fn encode(radiance: Vec3) -> [u8; 3] {
+    // Far above any white, and small enough for finite arithmetic; `max` drops NaN.
+    let mapped = tone_map(radiance.max(Vec3::ZERO).min(Vec3::splat(1e6)));
+    mapped.to_array().map(|channel| (srgb(channel.clamp(0.0, 1.0)) * 255.0).round() as u8)
+}
+
+/// Khronos PBR Neutral tone mapper (Khronos Group, specification 2024): leaves colours below the highlights as they
+/// are, compresses the brightest channel into the range above, and fades to white as it does.
+fn tone_map(color: Vec3) -> Vec3 {
+    /// Reflectance of a dielectric seen head-on, which the mapper takes off every colour.
+    const FRESNEL: f32 = 0.04;
+    const START_COMPRESSION: f32 = 0.8 - FRESNEL;
+    const DESATURATION: f32 = 0.15;
+
+    let low = color.min_element();
+    let color = color - if low < 2.0 * FRESNEL { low - low * low / (4.0 * FRESNEL) } else { FRESNEL };
+    let peak = color.max_element();
+    if peak < START_COMPRESSION {
+        return color;
+    }
+    let d = 1.0 - START_COMPRESSION;
+    let new_peak = 1.0 - d * d / (peak + d - START_COMPRESSION);
+    let white = 1.0 - 1.0 / (DESATURATION * (peak - new_peak) + 1.0);
+    (color * (new_peak / peak)).lerp(Vec3::splat(new_peak), white)
+}
+
+/// The sRGB transfer function (IEC 61966-2-1, 1999), of a value in `[0, 1]`.
+fn srgb(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn black_is_black_and_everything_odd_has_a_colour() {
+        assert_eq!(encode(Vec3::ZERO), [0; 3]);
+        assert_eq!(encode(Vec3::NAN), [0; 3]);
+        assert_eq!(encode(Vec3::splat(-1.0)), [0; 3]);
+        assert_eq!(encode(Vec3::INFINITY), [255; 3]);
+    }
+
+    #[test]
+    fn brighter_is_never_darker() {
+        let mut last = [0; 3];
+        for step in 0..2_000 {
+            let pixel = encode(Vec3::new(1.0, 0.7, 0.2) * step as f32 * 0.01);
+            assert!(pixel.iter().zip(last).all(|(&now, before)| now >= before), "{last:?} then {pixel:?}");
+            last = pixel;
+        }
+    }
+
+    #[test]
+    fn a_picture_can_be_read_back() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("image.png");
+        write_png(&path, 2, 1, &[Vec3::ZERO, Vec3::splat(100.0)]).unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut pixels = [0; 6];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height, info.color_type), (2, 1, png::ColorType::Rgb));
+        assert_eq!(pixels[..3], [0; 3]);
+        assert!(pixels[3..].iter().all(|&channel| channel > 250));
+        assert!(write_png(&path, 2, 2, &[Vec3::ZERO]).is_err());
+    }
+}

@@ -1,0 +1,123 @@
+use super::*;
+use glam::Vec3;
+
+/// A file as `np.save` writes it: version 1.0, header padded to 64 bytes.
+fn npy(dict: &str, data: &[u8]) -> Vec<u8> {
+    let length = (10 + dict.len() + 1).next_multiple_of(64) - 10;
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend((length as u16).to_le_bytes());
+    file.extend(format!("{dict:<width$}\n", width = length - 1).bytes());
+    file.extend(data);
+    file
+}
+
+fn dict(descr: &str, fortran: &str, shape: &str) -> String {
+    format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}")
+}
+
+fn bytes_of(rays: &[Ray]) -> &[u8] {
+    bytemuck::cast_slice(rays)
+}
+
+fn some_rays(count: usize) -> Vec<Ray> {
+    (0..count).map(|i| Ray::new(Vec3::splat(i as f32), Vec3::Z).with_range(0.5, f32::INFINITY)).collect()
+}
+
+fn refusal(file: &[u8]) -> String {
+    format!("{:#}", parse_rays(&mut &file[..]).expect_err("must be refused"))
+}
+
+#[test]
+fn rays_keep_every_bit() {
+    // Across the chunk size; with a signalling NaN, which a float conversion would turn into a quiet one.
+    let mut rays = some_rays(CHUNK + 3);
+    rays[7].tmin = f32::from_bits(0x7f80_0001);
+    let shape = format!("({}, 8)", rays.len());
+    let read = parse_rays(&mut &npy(&dict("<f4", "False", &shape), bytes_of(&rays))[..]).unwrap();
+    assert_eq!(bytes_of(&read), bytes_of(&rays));
+    assert!(parse_rays(&mut &npy(&dict("<f4", "False", "(0, 8)"), &[])[..]).unwrap().is_empty());
+}
+
+#[test]
+fn other_arrays_are_refused_with_what_was_found_and_what_to_do() {
+    for (descr, fortran, shape, found, advice) in [
+        ("<f8", "False", "(2, 8)", "'<f8'", "astype('<f4')"),
+        (">f4", "False", "(2, 8)", "'>f4'", "astype('<f4')"),
+        ("<f4", "False", "(2, 6)", "[2, 6]", "tmin"),
+        ("<f4", "False", "(16,)", "[16]", "reshape(-1, 8)"),
+        ("<f4", "True", "(2, 8)", "Fortran", "np.ascontiguousarray"),
+    ] {
+        let message = refusal(&npy(&dict(descr, fortran, shape), &[0; 128]));
+        assert!(message.contains(found) && message.contains(advice), "{message}");
+    }
+    assert!(refusal(b"o cube\nv 0 0 0\n").contains("np.save"));
+    assert!(refusal(&npy(&dict("<f4", "False", "(5000000000, 8)"), &[])).contains("split the file"));
+}
+
+#[test]
+fn a_file_that_ends_early_is_refused() {
+    let rays = some_rays(CHUNK + 3);
+    let file = npy(&dict("<f4", "False", &format!("({}, 8)", rays.len())), bytes_of(&rays));
+    for length in [0, 5, 9, 40, 128, 1000, file.len() - 1] {
+        refusal(&file[..length]);
+    }
+    // A promise of 128 GiB must not be believed before the data are there.
+    assert!(refusal(&npy(&dict("<f4", "False", "(4294967295, 8)"), &[0; 64])).contains("4294967295"));
+}
+
+// Fails when `is_sane` accepts everything: npyz overflows its stack on the first and its product on the second.
+#[test]
+fn hostile_headers_are_refused() {
+    refusal(&npy(&"(".repeat(9_000), &[]));
+    refusal(&npy(&dict("<f4", "False", "(4294967296, 4294967296, 4294967296)"), &[]));
+    refusal(&npy(&dict("<f4", "False", "(0xffffffffffff, 0xffffffffffff)"), &[]));
+    let mut long = npy(&dict("<f4", "False", "(1, 8)"), &[0; 32]);
+    long[6] = 2;
+    long[8..12].fill(0xff);
+    assert!(refusal(&long).contains("damaged"));
+}
+
+#[test]
+fn garbage_is_refused_or_read_but_never_panics() {
+    let file = npy(&dict("<f4", "False", "(3, 8)"), bytes_of(&some_rays(3)));
+    let mut state = 1_u32;
+    let mut next = || {
+        // Xorshift: G. Marsaglia, Xorshift RNGs, Journal of Statistical Software 8-14 (2003).
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state
+    };
+    let alphabet = b"()[]{}'\",:-0123456789TF\\x \xff";
+    for _ in 0..20_000 {
+        let mut broken = file.clone();
+        for _ in 0..next() % 4 + 1 {
+            let place = next() as usize % broken.len();
+            broken[place] = alphabet[next() as usize % alphabet.len()];
+        }
+        let _ = parse_rays(&mut &broken[..]);
+    }
+}
+
+#[test]
+fn hits_and_counts_are_written_as_bits() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("hits.npy");
+    // The bits of the ids are, as floats: a subnormal, a signalling NaN and a quiet one.
+    let ids = [5, 0x7f80_0001, u32::MAX];
+    let hits: Vec<Hit> = ids.iter().map(|&primitive| Hit { primitive, ..Hit::MISS }).collect();
+    write_hits(&path, &hits).unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let header = NpyHeader::from_reader(&file[..]).unwrap();
+    assert_eq!((header.dtype().descr().as_str(), header.shape(), header.order()), ("'<f4'", &[3, 4][..], Order::C));
+    let data = &file[file.len() - 48..];
+    let id = |row: usize| u32::from_le_bytes(data[row * 16 + 12..][..4].try_into().unwrap());
+    assert_eq!([id(0), id(1), id(2)], ids);
+    assert_eq!(data[..4], f32::INFINITY.to_le_bytes());
+
+    write_counts(&path, &[TestCounts { boxes: 1, triangles: u32::MAX }]).unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let header = NpyHeader::from_reader(&file[..]).unwrap();
+    assert_eq!((header.dtype().descr().as_str(), header.shape()), ("'<u4'", &[1, 2][..]));
+    assert_eq!(file[file.len() - 8..], [1, 0, 0, 0, 255, 255, 255, 255]);
+}

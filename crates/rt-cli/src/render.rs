@@ -1,0 +1,198 @@
+//! `raybalance render`: a picture, and how well the work was balanced.
+
+use crate::args::RenderArgs;
+use crate::frame::{BYTES_PER_RAY, Film, Renderer};
+use crate::report::{Report, SCHEMA, SceneReport, Seconds};
+use crate::scene_source::{Prepared, prepare};
+use crate::shade::{Light, exposure};
+use crate::{chart, devices, image, interrupt, output, table};
+use anyhow::{Context, Result, bail};
+use glam::Vec3;
+use rt_balance::Balancer;
+use rt_balance::report::StreamRun;
+use rt_core::{Scene, StreamKind};
+use rt_scene::{View, streams, view};
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The orbit's angle between two frames: a slow turn, so that the previous frame says much about the next.
+const ORBIT_STEP_DEGREES: f32 = 1.0;
+
+pub(crate) fn run(args: &RenderArgs) -> Result<()> {
+    interrupt::watch();
+    let start = Instant::now();
+    let mut scheduling = args.balance.scheduling()?;
+    let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
+    let first = choose_view(&prepared, args)?;
+    let scene = Arc::new(prepared.built.scene.clone());
+    let devices = devices::open(args.balance.devices.as_deref())?;
+    let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+
+    let extent = prepared.model.bounds().extent().length();
+    let renderer = Renderer {
+        model: &prepared.model,
+        light: Light::new(&first, extent),
+        size: args.size,
+        samples: args.spp,
+        bounces: args.bounces,
+        precision: prepared.precision,
+        cut: args.balance.cut(),
+        seed: args.balance.seed,
+        reference: args.reference,
+        cancel: interrupt::flag(),
+    };
+    let waves = streams::waves(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
+    let mut runs = Vec::new();
+    let mut seconds = Seconds { load: prepared.load_s, build: prepared.build_s, ..Seconds::default() };
+    for frame in 0..args.frames {
+        let mut film = Film::new(args.size, args.spp);
+        let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
+        let camera = seen.camera().context("the camera of the orbit")?;
+        let begin = Instant::now();
+        let before = runs.len();
+        for (wave, pixels) in waves.iter().enumerate() {
+            renderer.wave(&mut balancer, &mut scheduling, camera, (frame, wave as u32), pixels, &mut film, &mut runs)?;
+        }
+        add_times(&mut seconds, &runs[before..], begin.elapsed().as_secs_f64());
+        let begin = Instant::now();
+        write_picture(&args.out, frame, args, &film)?;
+        seconds.write += begin.elapsed().as_secs_f64();
+    }
+    if interrupt::requested() {
+        bail!("interrupted");
+    }
+    let begin = Instant::now();
+    write_charts(args, &waves, &runs)?;
+    seconds.write += begin.elapsed().as_secs_f64();
+    seconds.total = start.elapsed().as_secs_f64();
+    let report = Report {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        command: std::env::args().skip(1).collect(),
+        scene: scene_report(&prepared, &scene),
+        queue: scheduling.queue.name(),
+        policy: scheduling.policy_name(),
+        streams: runs.iter().map(|run| run.report.clone()).collect(),
+        seconds,
+    };
+    let path = args.out.join("report.json");
+    output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
+    if args.json {
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print(&report, &runs, args, &prepared);
+    }
+    Ok(())
+}
+
+/// The view of the command line, else the model's own, else one that shows the whole model.
+fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
+    let aspect = args.size[0] as f32 / args.size[1] as f32;
+    let base = prepared.model.view.unwrap_or_else(|| view::auto_view(&prepared.model, aspect));
+    let view = View {
+        eye: args.eye.unwrap_or(base.eye),
+        target: args.target.unwrap_or(base.target),
+        up: args.up.unwrap_or(base.up),
+        fov_degrees: args.fov.unwrap_or(base.fov_degrees),
+    };
+    view.camera().context("--eye, --target, --up, --fov")?;
+    Ok(view)
+}
+
+fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
+    let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
+    let makespan: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
+    let reference: f64 = runs.iter().filter_map(|run| run.reference_s).sum();
+    seconds.estimate += estimate;
+    seconds.trace += makespan - estimate;
+    seconds.reference += reference;
+    seconds.shade += wall - makespan - reference;
+}
+
+fn write_picture(out: &Path, frame: u32, args: &RenderArgs, film: &Film) -> Result<()> {
+    let name = if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") };
+    let radiance = film.radiance();
+    let scale = exposure(&radiance);
+    let exposed: Vec<Vec3> = radiance.into_iter().map(|c| c * scale).collect();
+    image::write_png(&out.join(name), args.size[0], args.size[1], &exposed)
+}
+
+fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> Result<()> {
+    chart::timeline::write(&args.out.join("timeline.svg"), runs)?;
+    chart::trace::write(&args.out.join("trace.json"), runs)?;
+    let [width, height] = args.size;
+    let map = |cost: fn(&StreamRun) -> &[f64]| cost_map(args, waves, runs, cost);
+    let (estimated, measured) = (map(|run| &run.predicted_s), map(|run| &run.measured_s));
+    chart::cost::write(&args.out.join("cost.png"), width, height, &estimated, &measured)
+}
+
+/// Nanoseconds per ray of the first frame's primary tasks, for each pixel; NaN where unknown.
+fn cost_map(
+    args: &RenderArgs,
+    waves: &[Arc<[u32]>],
+    runs: &[StreamRun],
+    cost: impl Fn(&StreamRun) -> &[f64],
+) -> Vec<f32> {
+    let [width, height] = args.size.map(|n| n as usize);
+    let mut map = vec![f32::NAN; width * height];
+    let primary = runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
+    for (run, pixels) in primary.zip(waves) {
+        for (task, seconds) in run.tasks.iter().zip(cost(run)) {
+            let per_ray = (seconds / f64::from(task.rays) * 1e9) as f32;
+            for ray in task.range() {
+                let pixel = pixels[(ray / args.spp) as usize];
+                map[(pixel >> 16) as usize * width + (pixel & 0xffff) as usize] = per_ray;
+            }
+        }
+    }
+    map
+}
+
+pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
+    let build = &prepared.built.report;
+    SceneReport {
+        source: prepared.model.source.clone(),
+        triangles: prepared.model.indices.len(),
+        degenerate: build.dropped_degenerate as usize,
+        invalid: build.dropped_invalid as usize,
+        builder: build.builder.to_string(),
+        precision: crate::scene_source::precision_name(prepared.precision),
+        bvh_bytes: scene.bytes(),
+        plan: prepared.plan.clone(),
+    }
+}
+
+fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prepared) {
+    let scene = &report.scene;
+    println!(
+        "{}: {} triangles, tree of {:.1} MB by {}, {} precision",
+        scene.source,
+        table::grouped(scene.triangles as u64),
+        scene.bvh_bytes as f64 / 1e6,
+        scene.builder,
+        scene.precision
+    );
+    for reason in prepared.plan.reasons() {
+        println!("  {reason}");
+    }
+    println!("\n{}", table::streams(runs));
+    let s = &report.seconds;
+    let parts = [
+        ("load", s.load),
+        ("build", s.build),
+        ("estimate", s.estimate),
+        ("trace", s.trace),
+        ("reference", s.reference),
+        ("shade", s.shade),
+        ("write", s.write),
+        ("total", s.total),
+    ];
+    let wall: Vec<String> = parts
+        .iter()
+        .filter(|(name, s)| *name != "reference" || *s > 0.0)
+        .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
+        .collect();
+    println!("  wall: {}", wall.join(", "));
+    println!("  written to {}: image, cost, timeline, trace, report", args.out.display());
+}

@@ -1,0 +1,72 @@
+//! `raybalance trace`: rays from a NumPy file, hits to another.
+
+use crate::args::TraceArgs;
+use crate::report::{Report, SCHEMA, Seconds};
+use crate::scene_source::prepare;
+use crate::{devices, interrupt, npy, progress, render, table};
+use anyhow::{Context, Result};
+use rt_balance::{Balancer, Control, Stream};
+use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
+use std::sync::Arc;
+use std::time::Instant;
+
+pub(crate) fn run(args: &TraceArgs) -> Result<()> {
+    interrupt::watch();
+    let start = Instant::now();
+    let mut scheduling = args.balance.scheduling()?;
+    let rays = npy::read_rays(&args.rays)?;
+    let prepared = prepare(&args.scene, &args.source)?;
+    let scene = Arc::new(prepared.built.scene.clone());
+    let devices = devices::open(args.balance.devices.as_deref())?;
+    let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+
+    let query = if args.any { Query::Any } else { Query::Closest };
+    let spec = StreamSpec { query, precision: prepared.precision, counts: args.counts.is_some() };
+    let count = u32::try_from(rays.len()).with_context(|| format!("{}: more than 2^32 rays", args.rays.display()))?;
+    let stream = Stream {
+        seed: args.balance.seed,
+        ..Stream::new(RaySource::Explicit { rays: rays.into(), origins: None }, StreamKind::Custom, spec)
+            .with_task_size(args.balance.cut().size(count))
+    };
+    let mut hits = vec![Hit::MISS; count as usize];
+    let mut counts = args.counts.as_ref().map(|_| vec![TestCounts::default(); count as usize]);
+    let bar = progress::bar("tracing", count.into());
+    let show = |done, _| bar.set_position(done);
+    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&show) };
+    let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
+    bar.finish_and_clear();
+    let run = run?;
+
+    let begin = Instant::now();
+    npy::write_hits(&args.hits, &hits)?;
+    if let (Some(path), Some(counts)) = (&args.counts, &counts) {
+        npy::write_counts(path, counts)?;
+    }
+    let seconds = Seconds {
+        load: prepared.load_s,
+        build: prepared.build_s,
+        estimate: run.report.estimate.seconds,
+        trace: run.report.makespan_s - run.report.estimate.seconds,
+        write: begin.elapsed().as_secs_f64(),
+        total: start.elapsed().as_secs_f64(),
+        ..Seconds::default()
+    };
+    if args.json {
+        let report = Report {
+            schema: SCHEMA,
+            version: env!("CARGO_PKG_VERSION"),
+            command: std::env::args().skip(1).collect(),
+            scene: render::scene_report(&prepared, &scene),
+            queue: scheduling.queue.name(),
+            policy: scheduling.policy_name(),
+            streams: vec![run.report],
+            seconds,
+        };
+        println!("{}", serde_json::to_string_pretty(&report)?);
+    } else {
+        print!("{}", table::streams(&[run]));
+        let met = hits.iter().filter(|hit| hit.is_hit()).count();
+        println!("\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()));
+    }
+    Ok(())
+}
