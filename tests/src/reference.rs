@@ -4,10 +4,11 @@
 //! near its edge, two hits are a few roundings apart, or a hit lies at a limit of `t`. Whether it is says this module
 //! alone, never a comparison of kernels. An ambiguous ray must still hit one of its candidates.
 
+use crate::brute;
 use crate::exact::{self, Contact, EDGE_TOLERANCE};
 use glam::DVec3;
 use rt_core::intersect::shear_axes;
-use rt_core::{Ray, Triangle};
+use rt_core::{Hit, Ray, Triangle};
 
 /// How far a reported `t` may lie from the exact one beyond the tolerances of [`crate::exact`], in units of its last
 /// place. Rounding to single precision moves it by half a unit; the rest allows one more single-precision operation.
@@ -51,6 +52,15 @@ impl Verdict {
             Self::Ambiguous { candidates, may_miss } => {
                 candidates.iter().any(fits) || (*may_miss && primitive == u32::MAX)
             }
+        }
+    }
+
+    /// Whether a kernel may report that there is a hit (`true`) or none.
+    #[must_use]
+    pub const fn admits_presence(&self, hit: bool) -> bool {
+        match self {
+            Self::Unambiguous(nearest) => nearest.is_some() == hit,
+            Self::Ambiguous { may_miss, .. } => hit || *may_miss,
         }
     }
 
@@ -100,11 +110,21 @@ impl<'a> Reference<'a> {
     /// [`Reference::resolve`] for several rays, which share the passes over the triangles: give some dozens at once.
     #[must_use]
     pub fn resolve_all(&self, rays: &[(Ray, u32)]) -> Vec<Verdict> {
-        let survivors = self.survivors(rays);
-        rays.iter()
-            .zip(survivors)
-            .map(|((ray, origin), ids)| nearest_of(&self.candidates(ray, *origin, &ids), self.triangles))
-            .collect()
+        let verdict = |((ray, origin), ids): (&(Ray, u32), Vec<u32>)| {
+            nearest_of(&self.candidates(ray, *origin, &ids), self.triangles)
+        };
+        rays.iter().zip(self.survivors(rays)).map(verdict).collect()
+    }
+
+    /// [`Reference::resolve_all`] and, beside each verdict, the answer of brute force in double precision.
+    #[must_use]
+    pub fn answers(&self, rays: &[(Ray, u32)]) -> Vec<(Verdict, Hit)> {
+        let answer = |((ray, origin), ids): (&(Ray, u32), Vec<u32>)| {
+            let verdict = nearest_of(&self.candidates(ray, *origin, &ids), self.triangles);
+            // What does not survive the filter is a miss in double precision too.
+            (verdict, brute::closest_among(self.triangles, ids, ray, *origin))
+        };
+        rays.iter().zip(self.survivors(rays)).map(answer).collect()
     }
 
     /// Whether a kernel may answer `primitive` (`u32::MAX`: a miss) when asked for any hit.

@@ -21,8 +21,7 @@ fn counts_are_the_trees_own(device: &dyn Device) -> Result<(), String> {
             same_hits(&format!("{}, {query:?}", fixture.name), &launch.hits, &hits)?;
             first_difference(fixture.name, &launch.counts, &counts)?;
             // Counting must not change what is found.
-            let plain =
-                Session::whole(device, &fixture.scene, &fixture.rays, StreamSpec { counts: false, ..spec })?;
+            let plain = Session::whole(device, &fixture.scene, &fixture.rays, StreamSpec { counts: false, ..spec })?;
             same_hits(&format!("{}, {query:?}, not counted", fixture.name), &plain.hits, &hits)?;
         }
     }

@@ -3,9 +3,7 @@
 use super::Case;
 use super::fixtures;
 use super::session::{LIMIT, Session, ensure, refused, same_hits};
-use rt_core::{
-    Device, Hit, Launch, RaySource, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of,
-};
+use rt_core::{Device, Hit, Launch, RaySource, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of};
 use std::sync::mpsc;
 use std::time::Duration;
 
@@ -93,7 +91,8 @@ fn wrong_calls_are_refused_and_change_nothing(device: &dyn Device) -> Result<(),
     let whole = session.trace(&session.all(), None)?;
     let rays = fixture.rays.len() as u32;
     let good = Task { first: 0, rays: 4 };
-    for (first, count) in [(0, rays + 1), (rays, 1), (rays - 1, 2), (u32::MAX, 1), (u32::MAX, u32::MAX), (1, u32::MAX)] {
+    for (first, count) in [(0, rays + 1), (rays, 1), (rays - 1, 2), (u32::MAX, 1), (u32::MAX, u32::MAX), (1, u32::MAX)]
+    {
         let bad = Task { first, rays: count };
         refused(&format!("{bad:?} of {rays} rays"), session.tracer().submit(&[good, bad], None))?;
     }
@@ -134,18 +133,19 @@ fn calls_against_launches_in_flight_are_refused(device: &dyn Device) -> Result<(
 fn two_tracers_do_not_disturb_each_other(device: &dyn Device) -> Result<(), String> {
     let [one, two] = [fixtures::plain()?, fixtures::named("sphere")?];
     let spec = StreamSpec { counts: true, ..StreamSpec::default() };
-    let alone = [Session::whole(device, &one.scene, &one.rays, spec)?, Session::whole(device, &two.scene, &two.rays, spec)?];
+    let alone =
+        [Session::whole(device, &one.scene, &one.rays, spec)?, Session::whole(device, &two.scene, &two.rays, spec)?];
+    let run = |fixture: &'static fixtures::Fixture, expected: &Launch| -> Result<(), String> {
+        let mut session = Session::open(device, &fixture.scene)?;
+        session.load(&fixture.rays, spec)?;
+        for _ in 0..10 {
+            let launch = session.trace(&tasks_of(fixture.rays.len() as u32, 50), None)?;
+            same_hits(&format!("{} beside another tracer", fixture.name), &launch.hits, &expected.hits)?;
+            ensure!(launch.counts == expected.counts, "{}: other counts beside another tracer", fixture.name);
+        }
+        Ok(())
+    };
     std::thread::scope(|scope| {
-        let run = |fixture: &'static fixtures::Fixture, expected: &Launch| -> Result<(), String> {
-            let mut session = Session::open(device, &fixture.scene)?;
-            session.load(&fixture.rays, spec)?;
-            for _ in 0..10 {
-                let launch = session.trace(&tasks_of(fixture.rays.len() as u32, 50), None)?;
-                same_hits(&format!("{} beside another tracer", fixture.name), &launch.hits, &expected.hits)?;
-                ensure!(launch.counts == expected.counts, "{}: other counts beside another tracer", fixture.name);
-            }
-            Ok(())
-        };
         let other = scope.spawn(|| run(two, &alone[1]));
         run(one, &alone[0])?;
         other.join().map_err(|_| "the second tracer's thread panicked".to_owned())?

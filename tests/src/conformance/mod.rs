@@ -24,7 +24,7 @@ mod streams;
 
 pub use session::clock;
 
-use libtest_mimic::{Completion, Trial};
+use libtest_mimic::{Completion, Failed, Trial};
 use rt_core::Device;
 use std::fmt;
 use std::sync::Arc;
@@ -70,25 +70,50 @@ pub fn cases() -> Vec<Case> {
 #[must_use]
 pub fn trials(subjects: Vec<Subject>) -> Vec<Trial> {
     let required = std::env::var("RT_REQUIRE").unwrap_or_default();
-    trials_requiring(subjects, &required)
-}
-
-/// [`trials`] with the list of required backends given.
-#[must_use]
-pub fn trials_requiring(subjects: Vec<Subject>, required: &str) -> Vec<Trial> {
-    let required: Vec<&str> = required.split(',').map(str::trim).filter(|name| !name.is_empty()).collect();
     let mut trials = Vec::new();
-    for subject in subjects {
-        let must = required.contains(&subject.backend.as_str());
+    for Subject { backend, label, device } in subjects {
+        let must = is_listed(&backend, &required);
         for case in cases() {
-            let device = subject.device.clone();
-            let trial = Trial::ignorable_test(case.name, move || match device {
-                Ok(device) => Ok((case.run)(&*device).map(|()| Completion::Completed)?),
-                Err(reason) if must => Err(format!("required by RT_REQUIRE, but missing: {reason}").into()),
-                Err(reason) => Ok(Completion::ignored_with(reason)),
-            });
-            trials.push(trial.with_kind(format!("{}/{}", subject.backend, subject.label)));
+            let device = device.clone();
+            let trial = Trial::ignorable_test(case.name, move || conclude(case, device, must));
+            trials.push(trial.with_kind(format!("{backend}/{label}")));
         }
     }
     trials
+}
+
+/// Whether `name` is in a list separated by commas.
+fn is_listed(name: &str, list: &str) -> bool {
+    list.split(',').any(|entry| entry.trim() == name)
+}
+
+/// Runs a case, or says why it was not run: a failure where the device `must` be there.
+fn conclude(case: Case, device: Result<Arc<dyn Device>, String>, must: bool) -> Result<Completion, Failed> {
+    match device {
+        Ok(device) => Ok((case.run)(&*device).map(|()| Completion::Completed)?),
+        Err(reason) if must => Err(format!("required by RT_REQUIRE, but missing: {reason}").into()),
+        Err(reason) => Ok(Completion::ignored_with(reason)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_device_is_ignored_with_its_reason_unless_required() {
+        let missing = || Err("no beads".to_owned());
+        let case = cases()[0];
+        let ignored = conclude(case, missing(), false);
+        assert!(matches!(ignored, Ok(Completion::Ignored { reason: Some(reason) }) if reason == "no beads"));
+        assert!(conclude(case, missing(), true).is_err_and(|e| e.message().is_some_and(|m| m.contains("no beads"))));
+        assert!(is_listed("cpu", "wgpu, cpu") && !is_listed("cpu", "cpux") && !is_listed("cpu", ""));
+    }
+
+    #[test]
+    fn case_names_are_unique() {
+        let mut names: Vec<_> = cases().iter().map(|case| case.name).collect();
+        names.sort_unstable();
+        assert!(names.windows(2).all(|pair| pair[0] != pair[1]));
+    }
 }

@@ -58,8 +58,7 @@ fn scaling_by_powers_of_two_changes_nothing(device: &dyn Device) -> Result<(), S
     let coarse = |p: Vec3| (p * 1024.0).round() / 1024.0;
     let triangles: Vec<Triangle> =
         base.triangles.iter().map(|t| Triangle::new(coarse(t.a), coarse(t.b), coarse(t.c))).collect();
-    let rays: Vec<(Ray, u32)> =
-        base.rays.iter().map(|(r, o)| (Ray::new(coarse(r.origin), r.direction), *o)).collect();
+    let rays: Vec<(Ray, u32)> = base.rays.iter().map(|(r, o)| (Ray::new(coarse(r.origin), r.direction), *o)).collect();
     let unit = Fixture::new("unit", triangles, rays)?;
     let spec = StreamSpec::default();
     let expected = Session::whole(device, &unit.scene, &unit.rays, spec)?.hits;

@@ -21,7 +21,8 @@ pub fn clock() -> Duration {
 /// Returns an error with the message unless the condition holds.
 macro_rules! ensure {
     ($condition:expr, $($message:tt)+) => {
-        if !$condition {
+        let holds: bool = $condition;
+        if !holds {
             return Err(format!($($message)+));
         }
     };
@@ -80,8 +81,11 @@ impl Session {
     /// Waits into a buffer full of rubbish, which must not show in what comes back.
     pub(super) fn wait(&mut self, ticket: Ticket, tasks: &[Task]) -> Result<Launch, String> {
         let rubbish = Hit { t: -1.0, u: 9.0, v: 9.0, primitive: 77 };
-        let mut launch =
-            Launch { hits: vec![rubbish; 3], counts: vec![TestCounts { boxes: 9, triangles: 9 }; 5], ..Launch::default() };
+        let mut launch = Launch {
+            hits: vec![rubbish; 3],
+            counts: vec![TestCounts { boxes: 9, triangles: 9 }; 5],
+            ..Launch::default()
+        };
         self.tracer.wait(ticket, LIMIT, &mut launch).map_err(|e| format!("wait: {e}"))?;
         let rays: usize = tasks.iter().map(|t| t.rays as usize).sum();
         ensure!(launch.hits.len() == rays, "{} hits for {rays} rays", launch.hits.len());

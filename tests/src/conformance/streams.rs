@@ -74,7 +74,7 @@ fn masked_rays_are_left_out(device: &dyn Device) -> Result<(), String> {
     let tasks = [Task { first: 100, rays: 90 }, Task { first: 3, rays: 65 }];
     let none = |_| false;
     let all = |_| true;
-    let some = |i: u32| i % 3 == 0 || (60..70).contains(&i);
+    let some = |i: u32| i.is_multiple_of(3) || (60..70).contains(&i);
     for (name, masked) in [("none", &none as &dyn Fn(u32) -> bool), ("some", &some), ("all", &all)] {
         let mut mask = RayMask::new(rays);
         (0..rays).filter(|&i| masked(i)).for_each(|i| mask.insert(i));
