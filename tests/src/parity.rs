@@ -35,6 +35,19 @@ pub struct Exam<'a> {
     answers: Vec<(Verdict, Hit)>,
 }
 
+/// How many rays the exact reference leaves open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ambiguity {
+    /// Ambiguous rays of all aims; those aimed at edges and vertices are meant to be.
+    pub all: usize,
+    /// Rays that nothing aims at edges: random segments and camera rays.
+    pub random: usize,
+    /// Those of them that meet two triangles at nearly one distance: a property of the scene.
+    pub random_ties: usize,
+    /// Those of them that are ambiguous for another reason.
+    pub random_doubtful: usize,
+}
+
 /// How a tree did.
 #[derive(Clone, Debug, Default)]
 pub struct Marks {
@@ -73,18 +86,23 @@ impl<'a> Exam<'a> {
         self.rays.len()
     }
 
-    /// Number of ambiguous rays.
+    /// How many rays are ambiguous.
     #[must_use]
-    pub fn ambiguous(&self) -> usize {
-        self.answers.iter().filter(|(verdict, _)| verdict.is_ambiguous()).count()
-    }
-
-    /// Number of random rays (random segments and camera rays), and of ambiguous ones among them.
-    #[must_use]
-    pub fn ambiguous_random(&self) -> [usize; 2] {
-        let random = |(i, _): &(usize, _)| matches!(AIMS[i % AIMS.len()], None | Some(Aim::Random));
-        let answers = || self.answers.iter().enumerate().filter(random);
-        [answers().count(), answers().filter(|(_, (verdict, _))| verdict.is_ambiguous()).count()]
+    pub fn ambiguity(&self) -> Ambiguity {
+        let mut found = Ambiguity::default();
+        for (i, (verdict, _)) in self.answers.iter().enumerate() {
+            let random = usize::from(matches!(AIMS[i % AIMS.len()], None | Some(Aim::Random)));
+            found.random += random;
+            if verdict.is_ambiguous() {
+                found.all += 1;
+                if verdict.is_tie() {
+                    found.random_ties += random;
+                } else {
+                    found.random_doubtful += random;
+                }
+            }
+        }
+        found
     }
 
     /// Puts the rays to a tree.

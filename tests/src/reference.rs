@@ -37,6 +37,8 @@ pub enum Verdict {
 pub struct Nearest {
     /// Position of the triangle in the list the reference was made from.
     pub primitive: u32,
+    /// Whether every kernel hits it, so that only the order of hits is in doubt.
+    pub certain: bool,
     /// Least and greatest `t`, both included.
     pub t: [f32; 2],
 }
@@ -64,20 +66,18 @@ impl Verdict {
         }
     }
 
+    /// Whether the ray is ambiguous only because of hits that lie within a few roundings of each other, as on faces
+    /// that were modelled twice.
+    #[must_use]
+    pub fn is_tie(&self) -> bool {
+        matches!(self, Self::Ambiguous { candidates, .. } if candidates.iter().all(|c| c.certain))
+    }
+
     /// Whether kernels may differ on the ray.
     #[must_use]
     pub const fn is_ambiguous(&self) -> bool {
         matches!(self, Self::Ambiguous { .. })
     }
-}
-
-/// A triangle that may be hit within the ray's limits.
-#[derive(Clone, Copy, Debug)]
-struct Candidate {
-    primitive: u32,
-    /// Hit in every kernel.
-    certain: bool,
-    t: [f32; 2],
 }
 
 /// A set of triangles that rays can be resolved against.
@@ -161,7 +161,7 @@ impl<'a> Reference<'a> {
         found
     }
 
-    fn candidates(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<Candidate> {
+    fn candidates(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<Nearest> {
         let met = ids.iter().filter(|id| **id != origin).filter_map(|&id| {
             let triangle = &self.triangles[id as usize];
             let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
@@ -173,7 +173,7 @@ impl<'a> Reference<'a> {
                 return None;
             }
             let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
-            Some(Candidate { primitive: id, certain: certain && inside, t })
+            Some(Nearest { primitive: id, certain: certain && inside, t })
         });
         met.collect()
     }
@@ -186,14 +186,14 @@ pub fn resolve(ray: &Ray, triangles: &[Triangle]) -> Verdict {
 }
 
 /// Which of the candidates can be the nearest hit.
-fn nearest_of(candidates: &[Candidate], triangles: &[Triangle]) -> Verdict {
+fn nearest_of(candidates: &[Nearest], triangles: &[Triangle]) -> Verdict {
     let sure = candidates.iter().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
     let mut nearest: Vec<Nearest> = Vec::new();
     for candidate in candidates.iter().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
         // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win.
         let triangle = &triangles[candidate.primitive as usize];
         if nearest.iter().all(|n| triangles[n.primitive as usize] != *triangle) {
-            nearest.push(Nearest { primitive: candidate.primitive, t: candidate.t });
+            nearest.push(*candidate);
         }
     }
     match (&nearest[..], sure) {
