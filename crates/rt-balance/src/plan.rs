@@ -5,7 +5,6 @@ use crate::estimate::Estimated;
 use crate::models::models_for;
 use crate::{BalanceError, QueueKind, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};
-use rt_sched::policy::Policy;
 use rt_sched::queue::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use std::sync::Arc;
 

@@ -4,7 +4,7 @@ use crate::balancer::{Balancer, Member};
 use crate::measure::tests_of;
 use crate::report::StreamRun;
 use crate::{BalanceError, Stream, clock};
-use rt_core::{DeviceError, Hit, Launch, TestCounts};
+use rt_core::{DeviceError, Launch, TestCounts};
 use rt_sched::{bound, metrics};
 use std::time::Duration;
 
@@ -56,14 +56,29 @@ impl Balancer {
         let Some(tests) = tests else {
             return Err(crate::balancer::all_lost(self.members(), stream.tasks.len()));
         };
-        let living: Vec<&[f64]> = seconds.iter().filter(|s| !s.is_empty()).map(Vec::as_slice).collect();
-        let lower_bound_s = bound::unrelated(&living);
+        let lower_bound_s = lower_bound(&seconds);
         let wall_s = clock::now().saturating_sub(begin).as_secs_f64();
         Ok(Reference { seconds, tests, lower_bound_s, wall_s })
     }
 }
 
 impl Reference {
+    /// The median of several passes over one stream, task by task; `None` of none.
+    #[must_use]
+    pub fn median(passes: &[Self]) -> Option<Self> {
+        let first = passes.first()?;
+        let median_of = |device: usize, task: usize| {
+            let values = passes.iter().filter_map(|pass| pass.seconds.get(device)?.get(task).copied());
+            median(&mut values.collect::<Vec<_>>())
+        };
+        let seconds: Vec<Vec<f64>> = (0..first.seconds.len())
+            .map(|device| (0..first.seconds[device].len()).map(|task| median_of(device, task)).collect())
+            .collect();
+        let lower_bound_s = lower_bound(&seconds);
+        let wall_s = passes.iter().map(|pass| pass.wall_s).sum();
+        Some(Self { seconds, tests: first.tests.clone(), lower_bound_s, wall_s })
+    }
+
     /// Fills in what only a reference pass knows: lower bound, excess, and both estimation errors.
     pub fn judge(&self, run: &mut StreamRun) {
         run.reference_s = Some(self.wall_s);
@@ -80,6 +95,12 @@ impl Reference {
             .collect();
         report.estimate.mre_time = metrics::errors(&run.predicted_s, &measured).map(|errors| errors.mean);
     }
+}
+
+/// The bound over the devices that did not fail.
+fn lower_bound(seconds: &[Vec<f64>]) -> f64 {
+    let living: Vec<&[f64]> = seconds.iter().filter(|s| !s.is_empty()).map(Vec::as_slice).collect();
+    bound::unrelated(&living)
 }
 
 /// Runs something on a member's tracer; a failure drops the member out.

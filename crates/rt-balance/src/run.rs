@@ -4,7 +4,7 @@ use crate::balancer::{Member, Outputs, all_lost};
 use crate::plan::Plan;
 use crate::{BalanceError, Control, Stream};
 use rt_core::{DeviceError, DeviceErrorKind, Launch, Span, Task, TaskId, TaskOutcome, Ticket, Tracer};
-use rt_sched::{Pop, TaskQueue};
+use rt_sched::queue::{Pop, TaskQueue};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -33,10 +33,10 @@ pub(crate) struct LaunchDone {
 }
 
 /// What the device threads share.
-struct Shared<'a> {
+struct Shared<'a, 'o> {
     stream: &'a Stream,
     plan: &'a Plan,
-    outputs: &'a Mutex<Outputs<'a>>,
+    outputs: &'a Mutex<Outputs<'o>>,
     control: Control<'a>,
     limit: Duration,
     bell: Bell,
@@ -104,16 +104,16 @@ pub(crate) fn run(
 }
 
 /// One device's thread.
-struct Lane<'a> {
+struct Lane<'a, 'o> {
     /// The queue's number for the device.
     lane: usize,
     /// Its position among all members.
     index: usize,
-    shared: &'a Shared<'a>,
+    shared: &'a Shared<'a, 'o>,
     in_flight: VecDeque<(Ticket, Vec<TaskId>)>,
 }
 
-impl Lane<'_> {
+impl Lane<'_, '_> {
     fn drive(mut self, member: &mut Member) -> Vec<LaunchDone> {
         let mut launches = Vec::new();
         let capacity = member.info.in_flight.max(1) as usize;

@@ -88,8 +88,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 
 /// The view of the command line, else the model's own, else one that shows the whole model.
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
-    let aspect = args.size[0] as f32 / args.size[1] as f32;
-    let base = prepared.model.view.unwrap_or_else(|| view::auto_view(&prepared.model, aspect));
+    let base = prepared.model.view.unwrap_or_else(|| view::auto_view(&prepared.model));
     let view = View {
         eye: args.eye.unwrap_or(base.eye),
         target: args.target.unwrap_or(base.target),

@@ -6,7 +6,7 @@ use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
 use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh};
 use rt_core::Precision;
-use rt_scene::obj::{LoadOptions, LoadProgress, load_obj};
+use rt_scene::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
 use rt_scene::scan::Plan;
 use rt_scene::{Model, builtin, scan, scenes};
 use std::path::Path;
@@ -79,13 +79,13 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
             bar.set_position(at.done_bytes);
         }
     };
-    let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
+    let mut options = LoadOptions::default();
+    options.drop_invalid = drop_invalid;
     let loaded = load_obj(path, &options, &mut show).map_err(|error| {
         // The library does not know the option's name.
-        match error.is_invalid_vertex() {
-            true => anyhow::Error::new(error).context("use --drop-invalid to leave such triangles out"),
-            false => error.into(),
-        }
+        let invalid = matches!(error, LoadError::NotFinite { .. });
+        let error = anyhow::Error::new(error);
+        if invalid { error.context("give --drop-invalid to leave such triangles out") } else { error }
     })?;
     if let Some(bar) = bar {
         bar.finish_and_clear();

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod builtin;
+mod frame;
 mod model;
 pub mod obj;
 pub mod scan;

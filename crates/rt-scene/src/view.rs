@@ -1,1 +1,173 @@
-//! x
+//! Cameras: one for a model that brings none, and turning it for animations.
+
+use crate::frame::frame;
+use crate::{Model, View};
+use glam::{DQuat, DVec3, Vec3};
+
+/// Vertical field of view of an automatic camera in degrees: that of a 50 mm lens on 35 mm film, held upright.
+const FOV_DEGREES: f32 = 40.0;
+
+/// From the target to the camera: a three-quarter view from the front right, somewhat above. Along no axis, so that a
+/// flat model is never seen edge-on.
+const TOWARDS_EYE: DVec3 = DVec3::new(0.6, 0.45, 1.0);
+
+/// Air around the frame.
+const MARGIN: f64 = 1.05;
+
+/// A view that shows the model well: from the front right and above, `y` up, everything in the frame of any picture
+/// that is at least as wide as high.
+///
+/// Where less than 1% of the triangles make the model many times larger, such as a ground plane to the horizon, the
+/// frame holds the rest. Vertices that are not finite are ignored, and a model without extent, or without triangles,
+/// gets a view too: [`View::camera`] never fails on the result.
+#[must_use]
+pub fn auto_view(model: &Model) -> View {
+    let (low, high) = frame(model).unwrap_or_default();
+    let target = (low + high) / 2.0;
+    let half = (high - low) / 2.0;
+    let back = TOWARDS_EYE.normalize();
+    let right = DVec3::Y.cross(back).normalize();
+    let up = back.cross(right);
+    let slope = libm::tan(f64::from(FOV_DEGREES).to_radians() / 2.0);
+    // Each corner of the frame must lie inside the pyramid of a square picture.
+    let corner = |i: u8| {
+        let side = |bit: u8| if i & bit == 0 { -1.0 } else { 1.0 };
+        let corner = half * DVec3::new(side(1), side(2), side(4));
+        corner.dot(right).abs().max(corner.dot(up).abs()) / slope + corner.dot(back)
+    };
+    let distance = MARGIN * (0..8).map(corner).fold(0.0, f64::max);
+    // Far enough for single precision to tell eye and target apart, and 1 away from a point at the origin.
+    let least = if target == DVec3::ZERO { 0.0 } else { target.abs().max_element() * 1e-5 };
+    let distance = match distance.max(least) {
+        0.0 => 1.0,
+        distance => distance.max(f64::from(f32::MIN_POSITIVE)),
+    };
+    // Models at the edge of single precision are seen from that edge.
+    let most = DVec3::splat(f64::from(f32::MAX));
+    let eye = (target + back * distance).clamp(-most, most);
+    View { eye: eye.as_vec3(), target: target.as_vec3(), up: Vec3::Y, fov_degrees: FOV_DEGREES }
+}
+
+/// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen
+/// from the camera. A full turn in `n` equal steps makes an endless animation.
+#[must_use]
+pub fn orbit(view: &View, angle: f32) -> View {
+    let Some(axis) = view.up.as_dvec3().try_normalize() else { return *view };
+    let target = view.target.as_dvec3();
+    let turn = DQuat::from_axis_angle(axis, f64::from(angle));
+    View { eye: (target + turn * (view.eye.as_dvec3() - target)).as_vec3(), ..*view }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f32::consts::{FRAC_PI_2, TAU};
+
+    fn soup(corners: Vec<[Vec3; 3]>) -> Model {
+        let indices = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        Model { positions: corners.concat(), indices, ..Model::default() }
+    }
+
+    /// Position in the picture: the middle is (0, 0), the borders are at ±1.
+    fn project(view: &View, point: Vec3) -> (f64, f64) {
+        let camera = view.camera().unwrap();
+        let p = point.as_dvec3() - camera.eye().as_dvec3();
+        let forward = camera.forward().as_dvec3();
+        let right = forward.cross(view.up.as_dvec3()).normalize();
+        let depth = p.dot(forward) * libm::tan(f64::from(view.fov_degrees).to_radians() / 2.0);
+        assert!(depth > 0.0, "{point} is behind {view:?}");
+        (p.dot(right) / depth, p.dot(right.cross(forward)) / depth)
+    }
+
+    fn largest_offset(view: &View, points: &[Vec3]) -> f64 {
+        let offset = |p: &Vec3| {
+            let (x, y) = project(view, *p);
+            x.abs().max(y.abs())
+        };
+        points.iter().map(offset).fold(0.0, f64::max)
+    }
+
+    fn vertex() -> impl Strategy<Value = Vec3> {
+        let coordinate = || prop_oneof![3 => -1.0..1.0_f32, 1 => Just(0.0_f32)];
+        [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        /// Guards: the whole model is in the frame and not tiny in it, at every scale and off the origin. Fails when
+        /// `corner.dot(back)` is left out of the distance.
+        #[test]
+        fn the_model_fills_the_frame(
+            corners in prop::collection::vec([vertex(), vertex(), vertex()], 1..20),
+            offset in vertex(), exponent in -30..=30_i32,
+        ) {
+            let scale = 10_f32.powi(exponent);
+            let model = soup(corners.iter().map(|t| t.map(|p| (p + 10.0 * offset) * scale)).collect());
+            prop_assume!(model.bounds().extent().length() > 1e-3 * scale);
+            let view = auto_view(&model);
+            let offset = largest_offset(&view, &model.positions);
+            prop_assert!(offset <= 1.0, "{offset}");
+            // The frame's corners are not the model's, but a model whose box is not thin comes near the border.
+            prop_assert!(offset > 0.1, "{offset}");
+        }
+
+        /// Guards: whatever the vertices, there is a camera. Fails without the clamp of the eye or the least distance.
+        #[test]
+        fn any_model_gets_a_camera(values in prop::collection::vec(any::<f32>(), 0..5), twice in any::<bool>()) {
+            let point = |i: usize| Vec3::splat(*values.get(i).unwrap_or(&0.0));
+            let last = if twice { point(0) } else { point(4) };
+            let model = soup(vec![[point(0), point(1), point(2)], [point(0), point(0), last]]);
+            prop_assert!(auto_view(&model).camera().is_ok(), "{:?}", auto_view(&model));
+        }
+
+        /// Guards: distance to the target and height along the axis stay. Fails when the eye is turned about the origin.
+        #[test]
+        fn orbits_keep_distance_and_height(eye in vertex(), target in vertex(), angle in -10.0..10.0_f32) {
+            let view = View { eye, target, up: Vec3::new(0.0, 2.0, 0.0), fov_degrees: 30.0 };
+            let turned = orbit(&view, angle);
+            prop_assert!((turned.eye.distance(target) - eye.distance(target)).abs() < 1e-5);
+            prop_assert!((turned.eye.y - eye.y).abs() < 1e-6);
+            prop_assert_eq!((turned.target, turned.up), (view.target, view.up));
+        }
+    }
+
+    #[test]
+    fn degenerate_models_get_a_camera() {
+        let camera =
+            |model: &Model| auto_view(model).camera().unwrap_or_else(|e| panic!("{e}: {:?}", auto_view(model)));
+        camera(&Model::default());
+        for p in [Vec3::ZERO, Vec3::ONE, Vec3::splat(1e-40), Vec3::splat(-3e38), Vec3::NAN, Vec3::X * 1e20] {
+            camera(&soup(vec![[p; 3]]));
+        }
+        camera(&soup(vec![[Vec3::MIN, Vec3::MAX, Vec3::ZERO]]));
+        camera(&Model { indices: vec![[0, 1, 2]], ..Model::default() });
+    }
+
+    #[test]
+    fn a_huge_ground_does_not_shrink_the_subject() {
+        let mut corners: Vec<_> = (0..1000)
+            .map(|i| {
+                let [a, b] = rt_core::random::pair(1, i, 0);
+                let p = Vec3::new(a, b, rt_core::random::pair(1, i, 1)[0]);
+                [p, p + Vec3::X * 0.01, p + Vec3::Y * 0.01]
+            })
+            .collect();
+        let subject = corners.concat();
+        let plain = auto_view(&soup(corners.clone()));
+        let far = 1000.0;
+        let ground = [(-far, -far), (far, -far), (far, far), (-far, far)].map(|(x, z)| Vec3::new(x, 0.0, z));
+        corners.extend([[ground[0], ground[1], ground[2]], [ground[0], ground[2], ground[3]]]);
+        let view = auto_view(&soup(corners));
+        assert!(view.eye.distance(plain.eye) < 0.3, "{view:?} instead of {plain:?}");
+        let offset = largest_offset(&view, &subject);
+        assert!((0.5..1.1).contains(&offset), "{offset}");
+    }
+
+    #[test]
+    fn a_quarter_turn_goes_to_the_right_and_a_whole_one_comes_back() {
+        let view = View { eye: Vec3::new(1.0, 1.0, 3.0), target: Vec3::X, up: Vec3::Y, fov_degrees: 40.0 };
+        assert!(orbit(&view, FRAC_PI_2).eye.abs_diff_eq(Vec3::new(4.0, 1.0, 0.0), 1e-6));
+        assert!(orbit(&view, TAU).eye.abs_diff_eq(view.eye, 1e-6));
+        assert_eq!(orbit(&View { up: Vec3::ZERO, ..view }, 1.0).eye, view.eye);
+    }
+}

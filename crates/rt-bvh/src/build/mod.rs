@@ -21,7 +21,6 @@ use rt_core::{Node, Scene, SceneError, SceneParts};
 /// dropped), or there are too many triangles for 32-bit ids.
 pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
     let gathered = gather::gather(mesh, options.invalid)?;
-    let max_leaf = options.max_leaf.max(1);
     let (scene, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1))?;
     let report = BuildReport {
         builder,

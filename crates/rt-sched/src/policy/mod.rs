@@ -4,7 +4,7 @@ mod lpt;
 mod rank;
 
 pub use lpt::Lpt;
-pub(crate) use lpt::{mean_model, seconds};
+pub(crate) use lpt::{mean_model, seconds, total};
 pub(crate) use rank::dearest_first;
 
 use crate::Schedule;

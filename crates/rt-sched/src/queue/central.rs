@@ -24,13 +24,9 @@ impl CentralQueue {
     #[must_use]
     pub fn new(work: &[Work], devices: &[CostModel]) -> Self {
         let mean = mean_model(devices);
-        // Only the order matters: scaled by the dearest task, so that single precision neither overflows nor
-        // underflows.
-        let dearest = work.iter().map(|w| seconds(&mean, w)).fold(0.0, f64::max);
-        let scale = Some(1.0 / dearest).filter(|s| s.is_normal()).unwrap_or(1.0);
-        let ranked = dearest_first(work.iter().map(|w| (seconds(&mean, w) * scale) as f32));
+        let ranking = dearest_first(work.iter().map(|w| seconds(&mean, w)));
         Self {
-            order: ranked.into_iter().map(|ranked| ranked.task()).collect(),
+            order: ranking.order.into_iter().map(|ranked| ranked.task()).collect(),
             next: AtomicU32::new(0),
             ledger: Ledger::new(work.len(), devices.len()),
         }

@@ -4,6 +4,7 @@ use super::ledger::Ledger;
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
+use crate::policy::total;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -15,13 +16,20 @@ use rt_core::{CostModel, TaskId, Work};
 /// Simulated (see `simulate`'s tests): 0.33 to 0.5 are alike, and from 0.7 on too little is left to mend estimates.
 const LAUNCH_SHARE: f64 = 0.5;
 
+/// Share of a task that must lie within a thief's fair share for the thief to take it, without a unit.
+///
+/// A half would be the nearest whole task, but the victim is also busy with launches that are no longer in its list,
+/// so less is fair; and equal devices, whose calibrated speeds differ by a little, must not refuse each other's last
+/// task. With a quarter, a device takes the last task of one that is up to three times as fast.
+const NEAREST: f64 = 0.25;
+
 /// Hybrid queues: each device works through its own list in shrinking launches, and steals when it runs dry.
 ///
 /// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing*
 /// (1998), who start from a static assignment and correct it while it runs. A launch takes about half of the device's
 /// remaining predicted seconds, but no less than a launch costs. An idle device steals from the one with most
-/// predicted seconds left, from the end of its list, where an LPT list has its smallest tasks: as much, to the nearest
-/// task, as makes both end together at their predicted speeds. So a slow device never takes the last task of a much
+/// predicted seconds left, from the end of its list, where an LPT list has its smallest tasks: as much, in whole
+/// tasks, as makes both end together at their predicted speeds. So a slow device never takes the last task of a much
 /// faster one. What a lost device leaves behind goes to whoever is idle.
 #[derive(Debug)]
 pub struct HybridQueue {
@@ -57,9 +65,11 @@ impl HybridQueue {
                 before.push(sum);
             }
         }
+        let sum = total(work);
         let pace = |device| {
-            let seconds: f64 = work.iter().map(|w| model(device).seconds(w)).sum();
-            Pace { speed: if seconds > 0.0 { 1.0 / seconds } else { 1.0 }, launch: model(device).per_launch() }
+            let d = model(device);
+            let seconds = d.per_ray() * sum[0] + d.per_box() * sum[1] + d.per_triangle() * sum[2];
+            Pace { speed: if seconds > 0.0 { 1.0 / seconds } else { 1.0 }, launch: d.per_launch() }
         };
         Self {
             slots: Slots::new(schedule),
@@ -95,8 +105,10 @@ impl HybridQueue {
         let (start, end) = (range.start as usize, range.end as usize);
         let all = self.before[end];
         let whole = start + self.before[start..end].partition_point(|&s| all - s > fair);
-        // One task more if at least half of it lies within the fair share.
-        let more = whole > start && all - (self.before[whole - 1] + self.before[whole]) / 2.0 <= fair;
+        let more = whole > start && {
+            let next = self.before[whole] - self.before[whole - 1];
+            all - self.before[whole] + NEAREST * next <= fair
+        };
         (end - whole) as u32 + u32::from(more)
     }
 

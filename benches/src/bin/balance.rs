@@ -1,0 +1,223 @@
+//! Compares queues and policies, each with and without cost initialisation, on one scene: the table of
+//! docs/results/balance.md.
+//!
+//! `cargo run --release -p rt-benches --bin balance -- SCENE [--devices 1,1] [--tasks 256] [--runs 7]
+//! [--size 1600x1000] [--spp 8] [--fraction 1/64] [--diffuse] [--json FILE]`
+#![forbid(unsafe_code)]
+
+use rt_balance::cpu::CpuDevice;
+use rt_balance::report::StreamRun;
+use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_benches::{BenchScene, median};
+use rt_core::{CostEstimator, ReducedWalk, Walk};
+use rt_sched::estimate::{Sampled, Uniform};
+use rt_sched::policy::{Block, Policy, RoundRobin};
+use rt_sched::sample::Fraction;
+use rt_scene::streams::Spawner;
+use std::error::Error;
+use std::sync::Arc;
+
+/// One row of the table.
+struct Config {
+    name: &'static str,
+    queue: QueueKind,
+    policy: Option<fn() -> Box<dyn Policy>>,
+    estimator: Estimator,
+}
+
+#[derive(Clone, Copy)]
+enum Estimator {
+    Uniform,
+    Reduced,
+    Exact,
+}
+
+const fn row(
+    name: &'static str,
+    queue: QueueKind,
+    policy: Option<fn() -> Box<dyn Policy>>,
+    estimator: Estimator,
+) -> Config {
+    Config { name, queue, policy, estimator }
+}
+
+fn block() -> Box<dyn Policy> {
+    Box::new(Block)
+}
+
+fn round_robin() -> Box<dyn Policy> {
+    Box::new(RoundRobin)
+}
+
+const CONFIGS: [Config; 10] = [
+    row("static block, regular", QueueKind::Static, Some(block), Estimator::Uniform),
+    row("static block, cost-initialised", QueueKind::Static, Some(block), Estimator::Exact),
+    row("static round robin, regular", QueueKind::Static, Some(round_robin), Estimator::Uniform),
+    row("static LPT, cost-initialised", QueueKind::Static, None, Estimator::Exact),
+    row("static LPT, reduced traversal", QueueKind::Static, None, Estimator::Reduced),
+    row("central, regular", QueueKind::Central, None, Estimator::Uniform),
+    row("central, cost-initialised", QueueKind::Central, None, Estimator::Exact),
+    row("central, reduced traversal", QueueKind::Central, None, Estimator::Reduced),
+    row("hybrid, regular", QueueKind::Hybrid, None, Estimator::Uniform),
+    row("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimator::Exact),
+];
+
+struct Options {
+    scene: String,
+    devices: Vec<usize>,
+    tasks: u32,
+    runs: usize,
+    size: [u32; 2],
+    spp: u32,
+    fraction: Fraction,
+    diffuse: bool,
+    json: Option<String>,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    let scene = BenchScene::open(&options.scene)?;
+    let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
+    let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
+    let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
+    let devices: Vec<Arc<dyn Device>> =
+        CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
+    let mut balancer = Balancer::new(Arc::new(built.scene), &devices)?;
+    let stream = stream(&scene, &options, &mut balancer)?;
+    let mut hits = vec![Hit::MISS; stream.source.len() as usize];
+
+    // One uncounted round fills caches and calibrates the devices.
+    let mut rounds: Vec<Vec<StreamRun>> = Vec::new();
+    let mut references = Vec::new();
+    for round in 0..=options.runs {
+        let mut runs = Vec::new();
+        for config in &CONFIGS {
+            let mut scheduling = config.scheduling(options.fraction);
+            let seeded = Stream { seed: round as u32, ..stream.clone() };
+            runs.push(balancer.trace(&seeded, &mut scheduling, &mut hits, None, Control::default())?);
+        }
+        if round > 0 {
+            references.push(balancer.reference(&stream, 1)?);
+            rounds.push(runs);
+        }
+        eprintln!("round {round} of {}", options.runs);
+    }
+    let reference = Reference::median(&references).ok_or("no round was run")?;
+    rounds.iter_mut().flatten().for_each(|run| reference.judge(run));
+    print(&scene, &options, &rounds, &reference);
+    if let Some(path) = &options.json {
+        let reports: Vec<Vec<_>> =
+            rounds.iter().map(|runs| runs.iter().map(|run| &run.report).collect::<Vec<_>>()).collect();
+        std::fs::write(path, serde_json::to_string_pretty(&reports)?)?;
+    }
+    Ok(())
+}
+
+/// The primary rays, or the diffuse rays from their hits.
+fn stream(scene: &BenchScene, options: &Options, balancer: &mut Balancer) -> Result<Stream, Box<dyn Error>> {
+    let primary = scene.primary(options.size, options.spp, 1)?;
+    let cut = |source: rt_core::RaySource, kind| {
+        let size = source.len().div_ceil(options.tasks);
+        Stream::new(source, kind, StreamSpec::default()).with_task_size(size)
+    };
+    if !options.diffuse {
+        return Ok(cut(primary, StreamKind::Primary));
+    }
+    let mut hits = vec![Hit::MISS; primary.len() as usize];
+    let stream = cut(primary.clone(), StreamKind::Primary);
+    balancer.trace(&stream, &mut Scheduling::default(), &mut hits, None, Control::default())?;
+    let spawner = Spawner { model: &scene.model, rays: &primary, hits: &hits, seed: 1, bounce: 0 };
+    Ok(cut(spawner.diffuse(0..hits.len() as u32).into_source().0, StreamKind::Diffuse(0)))
+}
+
+impl Config {
+    fn scheduling(&self, fraction: Fraction) -> Scheduling {
+        let estimator: Box<dyn CostEstimator> = match self.estimator {
+            Estimator::Uniform => Box::new(Uniform),
+            Estimator::Reduced => Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafAsHit), fraction)),
+            Estimator::Exact => Box::new(Sampled::new(Walk::Full, fraction)),
+        };
+        let policy = self.policy.map(|make| make());
+        Scheduling { estimator, policy, queue: self.queue, ..Scheduling::default() }
+    }
+}
+
+fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], reference: &Reference) {
+    let first = &rounds[0][0].report;
+    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    println!(
+        "{}: {} rays ({}), {} tasks, {} devices, lower bound {:.3} s, medians of {} interleaved runs\n",
+        scene.name,
+        first.rays,
+        first.kind,
+        first.tasks,
+        options.devices.len(),
+        reference.lower_bound_s,
+        rounds.len()
+    );
+    println!("| queue | makespan s (min – max) | imbalance % | excess % | overhead % | error vs counts % | vs time % |");
+    println!("|---|---|---|---|---|---|---|");
+    for (index, config) in CONFIGS.iter().enumerate() {
+        let values = |of: &dyn Fn(&StreamRun) -> Option<f64>| -> Vec<f64> {
+            rounds.iter().filter_map(|runs| of(&runs[index])).collect()
+        };
+        let percent = |of: &dyn Fn(&StreamRun) -> Option<f64>| format!("{:.2}", 100.0 * median(&values(of)));
+        let makespan = values(&|run| Some(run.report.makespan_s));
+        let [low, high] = [f64::min, f64::max].map(|pick| makespan.iter().copied().reduce(pick).unwrap_or(f64::NAN));
+        println!(
+            "| {} | {:.3} ({low:.3} – {high:.3}) | {} | {} | {} | {} | {} |",
+            config.name,
+            median(&makespan),
+            percent(&|run| Some(run.report.imbalance)),
+            percent(&|run| run.report.excess),
+            percent(&|run| Some(run.report.estimate.overhead)),
+            percent(&|run| run.report.estimate.mre_counts),
+            percent(&|run| run.report.estimate.mre_time),
+        );
+    }
+}
+
+impl Options {
+    fn parse() -> Result<Self, Box<dyn Error>> {
+        let mut options = Self {
+            scene: String::new(),
+            devices: vec![1, 1],
+            tasks: 256,
+            runs: 7,
+            size: [1600, 1000],
+            spp: 8,
+            fraction: Fraction::new(1.0 / 64.0).ok_or("1/64 is a fraction")?,
+            diffuse: false,
+            json: None,
+        };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            match argument.as_str() {
+                "--devices" => options.devices = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+                "--tasks" => options.tasks = value()?.parse::<u32>()?.max(1),
+                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
+                "--spp" => options.spp = value()?.parse::<u32>()?.max(1),
+                "--size" => {
+                    let text = value()?;
+                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
+                    options.size = [width.parse()?, height.parse()?];
+                }
+                "--fraction" => {
+                    let text = value()?;
+                    let (over, under) = text.split_once('/').unwrap_or((&text, "1"));
+                    let fraction = Fraction::new(over.parse::<f64>()? / under.parse::<f64>()?);
+                    options.fraction = fraction.ok_or("--fraction from 1/4096 to 1")?;
+                }
+                "--diffuse" => options.diffuse = true,
+                "--json" => options.json = Some(value()?),
+                scene if !scene.starts_with('-') => options.scene = scene.to_owned(),
+                other => return Err(format!("unknown option {other}").into()),
+            }
+        }
+        if options.scene.is_empty() {
+            return Err("name a scene: yard, car, or an OBJ file".into());
+        }
+        Ok(options)
+    }
+}

@@ -1,0 +1,283 @@
+//! Spawned rays from outside: they leave the surface, come from where they say, and depend on nothing but their number.
+
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use rt_core::{Hit, Ray, RaySource, Triangle, intersect};
+use rt_scene::Model;
+use rt_scene::streams::{Spawner, Sun};
+use std::sync::Arc;
+
+/// A sphere by repeated subdivision of an icosahedron: closed, and convex as long as rounding is finer than its bends.
+fn sphere(subdivisions: u32, radius: f32, centre: Vec3) -> Model {
+    let g = (1.0 + 5.0_f64.sqrt()) / 2.0;
+    let mut points: Vec<DVec3> = (0..12)
+        .map(|i| {
+            let [a, b] = [if i & 1 == 0 { 1.0 } else { -1.0 }, if i & 2 == 0 { g } else { -g }];
+            [DVec3::new(0.0, a, b), DVec3::new(a, b, 0.0), DVec3::new(b, 0.0, a)][i / 4].normalize()
+        })
+        .collect();
+    // The faces of an icosahedron are the triples of vertices at the least distance from each other.
+    let near = |a: &DVec3, b: &DVec3| a.distance(*b) < 1.1;
+    let mut faces = Vec::new();
+    for a in 0..12 {
+        for b in a + 1..12 {
+            for c in b + 1..12 {
+                if near(&points[a], &points[b]) && near(&points[b], &points[c]) && near(&points[a], &points[c]) {
+                    faces.push([a, b, c]);
+                }
+            }
+        }
+    }
+    assert_eq!(faces.len(), 20);
+    for _ in 0..subdivisions {
+        let mut finer = Vec::new();
+        for [a, b, c] in faces {
+            let mut middle = |a: usize, b: usize| {
+                let point = (points[a] + points[b]).normalize();
+                points.iter().position(|p| p.distance(point) < 1e-9).unwrap_or_else(|| {
+                    points.push(point);
+                    points.len() - 1
+                })
+            };
+            let [ab, bc, ca] = [middle(a, b), middle(b, c), middle(c, a)];
+            finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
+        }
+        faces = finer;
+    }
+    let place = |p: &DVec3| (*p * f64::from(radius) + centre.as_dvec3()).as_vec3();
+    Model {
+        positions: points.iter().map(place).collect(),
+        indices: faces.into_iter().map(|f| f.map(|i| i as u32)).collect(),
+        palette: vec![Vec3::ONE],
+        ..Model::default()
+    }
+}
+
+fn triangles(model: &Model) -> Vec<Triangle> {
+    (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect()
+}
+
+/// Whether every vertex lies on or below every face's plane, in exact enough arithmetic.
+fn is_convex(model: &Model, centre: Vec3) -> bool {
+    triangles(model).iter().all(|t| {
+        let a = t.a.as_dvec3();
+        let mut n = t.area_normal();
+        if n.dot(a - centre.as_dvec3()) < 0.0 {
+            n = -n;
+        }
+        model.positions.iter().all(|p| n.dot(p.as_dvec3() - a) <= 1e-12 * n.length() * n.length().sqrt())
+    })
+}
+
+/// The nearest hit of all triangles but `origin`.
+fn nearest(triangles: &[Triangle], ray: &Ray, origin: u32) -> Option<Hit> {
+    let others = triangles.iter().zip(0..).filter(|(_, i)| *i != origin);
+    others.filter_map(|(t, i)| intersect::hit(ray, t, i)).reduce(|a, b| if b.is_before(&a) { b } else { a })
+}
+
+/// A random unit vector and two numbers for every index.
+fn random_vector(seed: u32, i: u32) -> Vec3 {
+    let [a, b] = rt_core::random::pair(seed, i, 100);
+    let (z, angle) = (2.0 * a - 1.0, 2.0 * std::f32::consts::PI * b);
+    let r = (1.0 - z * z).max(0.0).sqrt();
+    Vec3::new(r * angle.cos(), r * angle.sin(), z)
+}
+
+/// Rays from outside at a convex model, or from its centre, with their hits.
+fn seen(model: &Model, centre: Vec3, radius: f32, rays: u32, outside: bool) -> (RaySource, Vec<Hit>) {
+    let all = triangles(model);
+    let ray = |i| {
+        let target = centre + random_vector(1, i) * radius * 0.7;
+        let from = if outside { centre + random_vector(2, i) * radius * 3.0 } else { centre };
+        Ray::new(from, target - from)
+    };
+    let rays: Arc<[Ray]> = (0..rays).map(ray).collect();
+    let hits = rays.iter().map(|ray| nearest(&all, ray, u32::MAX).unwrap_or(Hit::MISS)).collect();
+    (RaySource::Explicit { rays, origins: None }, hits)
+}
+
+#[test]
+fn rays_that_leave_a_sphere_outwards_hit_nothing() {
+    let mut spawned = 0;
+    for (subdivisions, radius, offset) in
+        [(2, 1e-10, 0.0), (2, 1e-3, 0.0), (3, 1.0, 0.0), (2, 1e10, 0.0), (0, 1.0, 1e6), (0, 3.0, 1e6), (1, 1e4, 1e6)]
+    {
+        let centre = Vec3::new(offset, -offset, offset * 0.7);
+        let model = sphere(subdivisions, radius, centre);
+        assert!(is_convex(&model, centre), "radius {radius}, offset {offset}");
+        let all = triangles(&model);
+        let (rays, hits) = seen(&model, centre, radius, 15_000, true);
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, bounce: 0 };
+        let out = spawner.diffuse(0..15_000);
+        assert!(out.rays.len() > 10_000);
+        spawned += out.rays.len();
+        let count = |with: bool| {
+            let own = |o: &u32| if with { u32::MAX } else { *o };
+            out.rays.iter().zip(&out.origins).filter(|(r, o)| nearest(&all, r, own(o)).is_some()).count()
+        };
+        assert_eq!(count(false), 0, "radius {radius}, offset {offset}: neighbours");
+        // Even the triangle that a ray starts on is never met.
+        assert_eq!(count(true), 0, "radius {radius}, offset {offset}: own triangle");
+    }
+    assert!(spawned > 90_000);
+}
+
+#[test]
+fn rays_inside_a_sphere_cross_it_to_the_other_side() {
+    for (subdivisions, radius, offset) in [(1, 1e-10, 0.0), (3, 1.0, 0.0), (2, 1e10, 0.0), (1, 1e4, 1e6)] {
+        let centre = Vec3::splat(offset);
+        let model = sphere(subdivisions, radius, centre);
+        let all = triangles(&model);
+        let (rays, hits) = seen(&model, centre, radius, 10_000, false);
+        assert!(hits.iter().all(Hit::is_hit));
+        let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 6, bounce: 3 }.diffuse(0..10_000);
+        assert_eq!(out.rays.len(), 10_000);
+        for (ray, &origin) in out.rays.iter().zip(&out.origins) {
+            assert_eq!(intersect::hit(ray, &all[origin as usize], origin), None, "own triangle");
+        }
+        // A point so close to an edge that rounding it to single precision takes it outside may escape. Its share is
+        // about the rounding step (2⁻²⁴ of the offset) over the size of a face.
+        let lost = out.rays.iter().zip(&out.origins).filter(|(r, o)| nearest(&all, r, **o).is_none()).count();
+        assert!(lost <= if offset > 0.0 { 5 } else { 0 }, "radius {radius}, offset {offset}: {lost}");
+    }
+}
+
+/// Two triangles over one edge, folded by any angle, flat included.
+fn hinge() -> impl Strategy<Value = Model> {
+    let coordinate =
+        || prop_oneof![4 => -1.0..1.0_f32, 1 => Just(0.0_f32), 1 => prop::sample::select(vec![1.0_f32, -1.0, 0.5])];
+    let point = || [coordinate(), coordinate(), coordinate()].prop_map(Vec3::from);
+    ([point(), point(), point(), point()], any::<bool>(), -10..=10_i32, prop_oneof![Just(0.0), Just(1e6_f32)]).prop_map(
+        |(mut p, flat, scale, offset)| {
+            if flat {
+                // A fourth point in the same plane: exactly so for an axis plane.
+                p = p.map(|p| Vec3::new(p.x, p.y, 0.25));
+            }
+            let scale = 10_f32.powi(scale);
+            let offset = Vec3::splat(offset * scale);
+            let indices = vec![[0, 1, 2], [0, 1, 3]];
+            Model { positions: p.map(|p| p * scale + offset).to_vec(), indices, ..Model::default() }
+        },
+    )
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Guards: a spawned ray meets neither its own triangle nor a neighbour in the same plane, at every scale. Fails
+    /// when `SurfacePoint::origin` leaves out the clearance or rounds to nearest, and when the normal is not flipped.
+    #[test]
+    fn no_self_hits_on_random_triangles(model in hinge(), seed in any::<u32>()) {
+        let all = triangles(&model);
+        let size = model.bounds().extent().max_element();
+        // Where flat, both lie in one plane, so the neighbour must be missed as well.
+        let [n, m] = [all[0], all[1]].map(|t| t.area_normal().normalize_or_zero());
+        let coplanar = n.cross(m).length() == 0.0 && n != DVec3::ZERO;
+        let mut rays = Vec::new();
+        let mut hits = Vec::new();
+        for i in 0..50 {
+            let [a, b] = rt_core::random::pair(seed, i, 7);
+            let [u, v] = if a + b > 1.0 { [1.0 - a, 1.0 - b] } else { [a, b] };
+            // Some exactly on edges and corners.
+            let [u, v] = [[u, v], [u, 0.0], [0.0, v], [u, 1.0 - u], [0.0, 1.0]][i as usize % 5];
+            rays.push(Ray::new(Vec3::ZERO, random_vector(seed, i)));
+            hits.push(Hit { t: size, u, v, primitive: i % 2 });
+        }
+        let source = RaySource::Explicit { rays: rays.into(), origins: None };
+        let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed, bounce: 1 };
+        let sun = Sun::new(random_vector(seed, 99), 0.3).unwrap();
+        for out in [spawner.diffuse(0..50), spawner.shadow(&sun, 0..50)] {
+            for ((ray, &origin), &parent) in out.rays.iter().zip(&out.origins).zip(&out.parents) {
+                prop_assert_eq!(origin, parent % 2);
+                prop_assert!((ray.direction.length() - 1.0).abs() < 1e-6);
+                prop_assert_eq!((ray.tmin, ray.tmax), (0.0, f32::INFINITY));
+                let own = &all[origin as usize];
+                // A sliver of one rounding step has no plane that single precision could keep to either side of.
+                let thin = own.area_normal().length() < 1e-5 * f64::from(size) * f64::from(size);
+                prop_assume!(!thin);
+                prop_assert_eq!(intersect::hit(ray, own, 0), None);
+                if coplanar {
+                    prop_assert_eq!(intersect::hit(ray, &all[1 - origin as usize], 0), None);
+                }
+            }
+        }
+    }
+
+    /// Guards: a ray depends on its parent's number alone. Fails when the random number's index counts from the
+    /// start of the range.
+    #[test]
+    fn ranges_together_make_the_whole(cuts in prop::collection::vec(0..400_u32, 0..6), bounce in any::<u32>()) {
+        let model = sphere(0, 1.0, Vec3::ZERO);
+        let (rays, mut hits) = seen(&model, Vec3::ZERO, 1.0, 400, true);
+        hits[7] = Hit { primitive: 1000, ..hits[7] };
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce };
+        let sun = Sun::new(Vec3::new(0.3, 1.0, 0.2), Sun::REAL_RADIUS).unwrap();
+        let whole = [spawner.diffuse(0..400), spawner.shadow(&sun, 0..u32::MAX)];
+        let mut cuts = cuts;
+        cuts.extend([0, 400]);
+        cuts.sort_unstable();
+        let mut parts = [rt_scene::streams::Spawned::default(), rt_scene::streams::Spawned::default()];
+        for cut in cuts.windows(2) {
+            parts[0].append(spawner.diffuse(cut[0]..cut[1]));
+            parts[1].append(spawner.shadow(&sun, cut[0]..cut[1]));
+        }
+        prop_assert_eq!(&parts, &whole);
+        for out in whole {
+            prop_assert!(out.parents.is_sorted_by(|a, b| a < b) && !out.parents.contains(&7));
+            prop_assert_eq!((out.rays.len(), out.origins.len()), (out.parents.len(), out.parents.len()));
+        }
+    }
+}
+
+#[test]
+fn every_hit_that_can_send_a_ray_does() {
+    let model = sphere(1, 1.0, Vec3::ZERO);
+    let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
+    let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce: 0 };
+    let hit: Vec<u32> = (0..2000).filter(|&i| hits[i as usize].is_hit()).collect();
+    assert_eq!(spawner.diffuse(0..2000).parents, hit);
+    let sun = Sun::new(Vec3::Y, 0.0).unwrap();
+    let sunny = |i: &u32| {
+        let t = model.triangle(hits[*i as usize].primitive).unwrap();
+        let n = t.area_normal().normalize();
+        // The sphere is seen from outside, so normals point away from its centre.
+        (n * n.dot(t.a.as_dvec3()).signum()).y > 1e-6
+    };
+    assert_eq!(spawner.shadow(&sun, 0..2000).parents, hit.iter().copied().filter(sunny).collect::<Vec<_>>());
+}
+
+#[test]
+fn points_lie_where_the_parent_met_the_surface() {
+    let model = sphere(2, 1.0, Vec3::ZERO);
+    let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
+    let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce: 0 }.diffuse(0..2000);
+    for (ray, &parent) in out.rays.iter().zip(&out.parents) {
+        let expected = rays.ray(parent).0.at(hits[parent as usize].t);
+        assert!(ray.origin.distance(expected) < 2e-6, "{} instead of {expected}", ray.origin);
+    }
+}
+
+#[test]
+#[ignore = "a measurement: run with --release --nocapture"]
+fn speed_of_one_thread() {
+    let model = sphere(5, 1.0, Vec3::ZERO);
+    let n = model.indices.len() as u32;
+    let rays: Arc<[Ray]> = (0..2_000_000).map(|i| Ray::new(Vec3::ZERO, random_vector(4, i))).collect();
+    let hit = |i| Hit { t: 1.0, u: 0.3, v: 0.3, primitive: rt_core::random::below(n, 1, i, 2) };
+    let hits: Vec<Hit> = (0..2_000_000).map(hit).collect();
+    let source = RaySource::Explicit { rays, origins: None };
+    let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed: 3, bounce: 0 };
+    let sun = Sun::new(Vec3::Y, Sun::REAL_RADIUS).unwrap();
+    for _ in 0..3 {
+        let start = std::time::Instant::now();
+        let diffuse = spawner.diffuse(0..2_000_000).rays.len();
+        let middle = std::time::Instant::now();
+        let shadow = spawner.shadow(&sun, 0..2_000_000).rays.len();
+        let rate = |n: usize, t: std::time::Duration| n as f64 / t.as_secs_f64() / 1e6;
+        println!(
+            "diffuse {:.1}, shadow {:.1} M hits/s ({diffuse}, {shadow} rays)",
+            rate(2_000_000, middle - start),
+            rate(2_000_000, middle.elapsed())
+        );
+    }
+}

@@ -1,0 +1,317 @@
+//! From measured launches to a device's cost model.
+
+use rt_core::CostModel;
+
+/// Learns one device's seconds per launch, ray, box test and triangle test from measured launches.
+///
+/// Non-negative least squares of relative errors (C. Lawson and R. Hanson, *Solving Least Squares Problems*, 1974, with
+/// their active set found by trying all sets: there are 15). Observations are kept as sums only, so learning is cheap
+/// and never ends; older ones fade.
+///
+/// Few or similar launches cannot tell four prices apart. Then fewer are fitted: a price per launch and one for every
+/// ray and test, then only the latter.
+#[derive(Clone, Copy, Debug)]
+pub struct Calibration {
+    /// `Σ w · xᵢ · xⱼ` with `w = 1 / seconds²` and `x` = launches, rays, boxes, triangles.
+    matrix: [[f64; 4]; 4],
+    /// `Σ w · xᵢ · seconds`.
+    right: [f64; 4],
+    /// Number of observations, older ones counting less.
+    weight: f64,
+    keep: f64,
+}
+
+/// What one or more launches of a device had to do, and how long that took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Number of launches.
+    pub launches: f64,
+    /// Number of rays.
+    pub rays: f64,
+    /// Number of box tests, estimated or exact.
+    pub boxes: f64,
+    /// Number of triangle tests, estimated or exact.
+    pub triangles: f64,
+    /// Seconds.
+    pub seconds: f64,
+}
+
+/// A fitted cost model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fit {
+    /// The model.
+    pub model: CostModel,
+    /// Root mean square of the relative errors of the observations, without a unit.
+    pub relative_error: f64,
+    /// How many prices were told apart: 4 when each has its own, 2 for launches and everything else, 1 for one price.
+    pub prices: u32,
+}
+
+/// Observations that are needed before each price is fitted on its own: twice as many as prices, so that noise is
+/// averaged over at least two each.
+const ENOUGH: f64 = 8.0;
+
+/// Share of its diagonal that a pivot must keep in elimination. Below it the launches are collinear to within the
+/// noise of timers, about 0.1%, squared.
+const LEAST_PIVOT: f64 = 1e-6;
+
+/// Added to the diagonal, relative to it: far below any noise, it only keeps exactly collinear columns from dividing
+/// by 0.
+const RIDGE: f64 = 1e-12;
+
+impl Default for Calibration {
+    /// A calibration that remembers about 200 launches: ten streams of a hybrid queue, long enough to average noise
+    /// and short enough to follow a processor that warms up.
+    fn default() -> Self {
+        Self::new(200.0)
+    }
+}
+
+impl Calibration {
+    /// A calibration in which an observation fades to 1/e after `memory` further ones. At least 1; `∞` never forgets.
+    #[must_use]
+    pub fn new(memory: f64) -> Self {
+        let memory = if memory >= 1.0 { memory } else { 1.0 };
+        Self { matrix: [[0.0; 4]; 4], right: [0.0; 4], weight: 0.0, keep: libm::exp(-1.0 / memory) }
+    }
+
+    /// Adds an observation. One that is not finite, has negative parts or took no time is ignored.
+    pub fn observe(&mut self, measured: Measured) {
+        let Measured { launches, rays, boxes, triangles, seconds } = measured;
+        let x = [launches, rays, boxes, triangles];
+        // 1e-12 s is below the resolution of any clock, and its square still a normal number.
+        if !(seconds.is_finite() && seconds > 1e-12 && x.iter().all(|x| x.is_finite() && (0.0..1e30).contains(x))) {
+            return;
+        }
+        // Relative errors: everything divided by the seconds.
+        let x = x.map(|x| x / seconds);
+        for i in 0..4 {
+            for j in 0..4 {
+                self.matrix[i][j] = self.matrix[i][j] * self.keep + x[i] * x[j];
+            }
+            self.right[i] = self.right[i] * self.keep + x[i];
+        }
+        self.weight = self.weight * self.keep + 1.0;
+    }
+
+    /// Number of observations, older ones counting less.
+    #[must_use]
+    pub const fn weight(&self) -> f64 {
+        self.weight
+    }
+
+    /// The model that fits best; `None` before the first useful observation.
+    #[must_use]
+    pub fn fit(&self) -> Option<Fit> {
+        // Columns of what is priced together: launches, rays, boxes, triangles.
+        const SEPARATE: &[[f64; 4]] =
+            &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+        const LAUNCH_AND_REST: &[[f64; 4]] = &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]];
+        const ONE: &[[f64; 4]] = &[[0.0, 1.0, 1.0, 1.0]];
+        let tiers = [(SEPARATE, ENOUGH), (LAUNCH_AND_REST, ENOUGH / 2.0), (ONE, 0.0)];
+        let tiers = tiers.iter().filter(|(_, needed)| self.weight >= *needed);
+        tiers.filter(|(columns, _)| self.independent(columns)).find_map(|(columns, _)| self.best(columns))
+    }
+
+    /// Whether the observations can tell the prices of `columns` apart.
+    fn independent(&self, columns: &[[f64; 4]]) -> bool {
+        self.solve(columns, (1 << columns.len()) - 1, LEAST_PIVOT).is_some()
+    }
+
+    /// The best model among those that price some of `columns` and leave the others free of charge.
+    fn best(&self, columns: &[[f64; 4]]) -> Option<Fit> {
+        let sets = 1..1_u32 << columns.len();
+        let fits = sets.filter_map(|set| {
+            let [launch, ray, boxed, triangle] = self.solve(columns, set, 0.0)?;
+            let model = CostModel::new(launch, ray, boxed, triangle)?;
+            let error = self.mean_square([launch, ray, boxed, triangle]);
+            Some(Fit { model, relative_error: libm::sqrt(error), prices: columns.len() as u32 })
+        });
+        fits.min_by(|a, b| a.relative_error.total_cmp(&b.relative_error))
+    }
+
+    /// Mean of the squared relative errors of the given prices: `Σ w (s − x·p)² / Σ 1`.
+    fn mean_square(&self, prices: [f64; 4]) -> f64 {
+        let mut error = self.weight;
+        for i in 0..4 {
+            error -= 2.0 * prices[i] * self.right[i];
+            for j in 0..4 {
+                error += prices[i] * self.matrix[i][j] * prices[j];
+            }
+        }
+        (error / self.weight).max(0.0)
+    }
+
+    /// Least squares over the columns in `set`: all four prices, or `None` if one is negative or a pivot falls below
+    /// `least_pivot` times its diagonal. Cholesky's decomposition of the normal equations.
+    fn solve(&self, columns: &[[f64; 4]], set: u32, least_pivot: f64) -> Option<[f64; 4]> {
+        let mut a = [[0.0; 4]; 4];
+        let mut b = [0.0; 4];
+        let mut chosen = [[0.0; 4]; 4];
+        let mut n = 0;
+        for (_, column) in columns.iter().enumerate().filter(|(c, _)| set >> c & 1 == 1) {
+            chosen[n] = *column;
+            n += 1;
+        }
+        for i in 0..n {
+            b[i] = dot(&chosen[i], &self.right);
+            for j in 0..n {
+                a[i][j] = dot(&chosen[i], &core::array::from_fn(|k| dot(&self.matrix[k], &chosen[j])));
+            }
+        }
+        let diagonal: [f64; 4] = core::array::from_fn(|i| a[i][i]);
+        for i in 0..n {
+            a[i][i] += RIDGE * diagonal[i];
+        }
+        for i in 0..n {
+            for j in 0..=i {
+                let known: f64 = (0..j).map(|k| a[i][k] * a[j][k]).sum();
+                let rest = a[i][j] - known;
+                if i > j {
+                    a[i][j] = rest / a[j][j];
+                } else if rest > least_pivot * diagonal[i] && rest > 0.0 {
+                    a[i][i] = libm::sqrt(rest);
+                } else {
+                    return None;
+                }
+            }
+        }
+        for i in 0..n {
+            let known: f64 = (0..i).map(|k| a[i][k] * b[k]).sum();
+            b[i] = (b[i] - known) / a[i][i];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| a[k][i] * b[k]).sum();
+            b[i] = (b[i] - known) / a[i][i];
+        }
+        if b[..n].iter().any(|price| *price < 0.0) {
+            return None;
+        }
+        Some(core::array::from_fn(|i| (0..n).map(|c| b[c] * chosen[c][i]).sum()))
+    }
+}
+
+fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rt_core::random;
+
+    const TRUE: [f64; 4] = [2e-5, 3e-9, 1e-9, 2.5e-9];
+
+    /// Launch `i` of a device with the prices `TRUE`, whose clock is off by up to `noise`.
+    fn launch(i: u32, noise: f64) -> Measured {
+        let [a, b] = random::pair(5, i, 0).map(f64::from);
+        let [c, d] = random::pair(5, i, 1).map(f64::from);
+        let rays = 1_000.0 + 50_000.0 * a;
+        let (boxes, triangles) = (rays * (10.0 + 60.0 * b), rays * (2.0 + 10.0 * c));
+        let seconds = TRUE[0] + TRUE[1] * rays + TRUE[2] * boxes + TRUE[3] * triangles;
+        Measured { launches: 1.0, rays, boxes, triangles, seconds: seconds * (1.0 + noise * (2.0 * d - 1.0)) }
+    }
+
+    fn predicted(model: &CostModel, m: &Measured) -> f64 {
+        model.per_launch() * m.launches
+            + model.per_ray() * m.rays
+            + model.per_box() * m.boxes
+            + model.per_triangle() * m.triangles
+    }
+
+    #[test]
+    fn finds_the_prices_of_exact_launches() {
+        let mut calibration = Calibration::default();
+        (0..40).for_each(|i| calibration.observe(launch(i, 0.0)));
+        let Fit { model, relative_error, prices } = calibration.fit().expect("40 launches");
+        let found = [model.per_launch(), model.per_ray(), model.per_box(), model.per_triangle()];
+        for (found, wanted) in found.iter().zip(TRUE) {
+            assert!((found / wanted - 1.0).abs() < 0.02, "{found} is not {wanted}");
+        }
+        assert_eq!(prices, 4);
+        assert!(relative_error < 1e-4, "{relative_error}");
+    }
+
+    #[test]
+    fn one_launch_gives_one_price_and_no_launch_none() {
+        let mut calibration = Calibration::default();
+        assert_eq!(calibration.fit(), None);
+        calibration.observe(Measured::default());
+        calibration.observe(Measured { rays: f64::NAN, seconds: 1.0, ..Measured::default() });
+        assert_eq!(calibration.fit(), None, "useless observations");
+        let m = launch(0, 0.0);
+        calibration.observe(m);
+        let fit = calibration.fit().expect("one launch");
+        assert_eq!(fit.prices, 1);
+        assert!((predicted(&fit.model, &m) / m.seconds - 1.0).abs() < 1e-9);
+        let mut rays_only = Calibration::default();
+        rays_only.observe(Measured { rays: 100.0, seconds: 2.0, ..Measured::default() });
+        assert!((rays_only.fit().expect("rays are priced").model.per_ray() - 0.02).abs() < 1e-9);
+    }
+
+    #[test]
+    fn collinear_launches_fall_back_to_fewer_prices() {
+        let mut calibration = Calibration::default();
+        for i in 1..50 {
+            let rays = f64::from(i) * 1_000.0;
+            calibration.observe(Measured {
+                launches: 1.0,
+                rays,
+                boxes: 40.0 * rays,
+                triangles: 5.0 * rays,
+                seconds: 1e-5 + 1e-7 * rays,
+            });
+        }
+        let fit = calibration.fit().expect("49 launches");
+        assert_eq!(fit.prices, 2);
+        assert!((fit.model.per_launch() / 1e-5 - 1.0).abs() < 1e-3, "{fit:?}");
+        assert!(fit.relative_error < 1e-4, "{fit:?}");
+    }
+
+    #[test]
+    fn follows_a_device_that_becomes_slower() {
+        let mut calibration = Calibration::new(50.0);
+        (0..200).for_each(|i| calibration.observe(launch(i, 0.01)));
+        for i in 200..500 {
+            let m = launch(i, 0.01);
+            calibration.observe(Measured { seconds: 2.0 * m.seconds, ..m });
+        }
+        let model = calibration.fit().expect("500 launches").model;
+        let m = launch(1_000, 0.0);
+        assert!((predicted(&model, &m) / (2.0 * m.seconds) - 1.0).abs() < 0.05);
+    }
+
+    proptest! {
+        /// Whatever was measured, the fit is a valid model, never worse than one common price.
+        ///
+        /// Mutants: `best` without its minimum; `solve` that lets negative prices pass and clamps them; `b` not divided
+        /// by the pivot.
+        #[test]
+        fn fits_are_valid_and_no_worse_than_one_price(
+            launches in prop::collection::vec((0.0_f64..3.0, 0.0_f64..1e6, 0.0_f64..1e8, 0.0_f64..1e7, 1e-6_f64..10.0), 1..60),
+        ) {
+            let mut calibration = Calibration::new(f64::INFINITY);
+            for (launches, rays, boxes, triangles, seconds) in launches {
+                calibration.observe(Measured { launches, rays, boxes, triangles, seconds });
+            }
+            let fit = calibration.fit().expect("rays cost something");
+            let one = calibration.best(&[[0.0, 1.0, 1.0, 1.0]]).expect("one price always fits");
+            prop_assert!(fit.relative_error <= one.relative_error * (1.0 + 1e-6));
+        }
+
+        /// With noisy clocks predictions are near the truth.
+        ///
+        /// Mutants: weights of 1 instead of `1 / seconds²`; a forgotten column.
+        #[test]
+        fn noisy_clocks_average_out(first in 0_u32..1_000_000, n in 30_u32..200) {
+            let mut calibration = Calibration::default();
+            (first..first + n).for_each(|i| calibration.observe(launch(i, 0.05)));
+            let model = calibration.fit().expect("launches").model;
+            for i in 0..20 {
+                let m = launch(first.wrapping_sub(1 + i), 0.0);
+                prop_assert!((predicted(&model, &m) / m.seconds - 1.0).abs() < 0.1);
+            }
+        }
+    }
+}

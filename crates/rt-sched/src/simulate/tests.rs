@@ -1,0 +1,165 @@
+//! Policies and queues against lower bounds, on the virtual clock.
+
+use super::*;
+use crate::policy::{Block, Lpt, Policy, RoundRobin};
+use crate::queue::{CentralQueue, HybridQueue, StaticQueue};
+use crate::{bound, metrics};
+use alloc::boxed::Box;
+use proptest::prelude::*;
+use rt_core::{CostModel, Work, morton, random};
+use std::eprintln;
+
+/// A queue by the name under which scheduling tables list it.
+fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn TaskQueue> {
+    match name {
+        "block" => Box::new(StaticQueue::new(&Block.schedule(work, devices))),
+        "round robin" => Box::new(StaticQueue::new(&RoundRobin.schedule(work, devices))),
+        "lpt" => Box::new(StaticQueue::new(&Lpt.schedule(work, devices))),
+        "fifo" => Box::new(CentralQueue::new(&vec![Work::new(1.0, 1.0, 0.0); work.len()], devices)),
+        "central" => Box::new(CentralQueue::new(work, devices)),
+        _ => Box::new(HybridQueue::new(&Lpt.schedule(work, devices), work, devices)),
+    }
+}
+
+const NAMES: [&str; 6] = ["block", "round robin", "lpt", "fifo", "central", "hybrid"];
+
+/// Costs of the tasks of an image in Z-curve order, as images have them: a dear object, a gradient, and fine detail.
+/// They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
+fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
+    let side = f64::from(n.next_power_of_two()).sqrt();
+    let [cx, cy] = random::pair(seed, 0, 7).map(|c| 0.25 + 0.5 * f64::from(c));
+    let cost = |task: u32| {
+        let (x, y) = morton::decode(task);
+        let (x, y) = (f64::from(x) / side, f64::from(y) / side);
+        let d2 = (x - cx) * (x - cx) + (y - cy) * (y - cy);
+        0.3 + y + 6.0 * (-d2 * 20.0).exp() + f64::from(random::pair(seed, task, 8)[0])
+    };
+    let costs: Vec<f64> = (0..n).map(cost).collect();
+    let total: f64 = costs.iter().sum();
+    costs.iter().map(|c| c / total * 0.1 * m as f64).collect()
+}
+
+/// The costs as estimated with a standard deviation of `sigma`, in box tests of a nanosecond.
+fn estimated(costs: &[f64], sigma: f64, seed: u32) -> Vec<Work> {
+    let noisy = |(task, c): (u32, &f64)| {
+        // The sum of twelve uniform numbers has variance 1.
+        let normal = (0..6).flat_map(|i| random::pair(seed, task, 20 + i)).map(f64::from).sum::<f64>() - 6.0;
+        Work::new(0.0, (c * 1e9 * (1.0 + sigma * normal).max(0.05)) as f32, 0.0)
+    };
+    (0..).zip(costs).map(noisy).collect()
+}
+
+fn models(speeds: &[f64]) -> Vec<CostModel> {
+    speeds.iter().map(|s| CostModel::new(1e-5, 1e-9 / s, 1e-9 / s, 1e-9 / s).expect("valid")).collect()
+}
+
+/// Mean excess over the lower bound, in percent, of ten images.
+fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f64 {
+    let devices = models(speeds);
+    let one = |seed| {
+        let costs = image(n, speeds.len(), seed);
+        let work = estimated(&costs, sigma, seed);
+        let simulation = Simulation { in_flight, ..Simulation::default() };
+        let seconds = |device: usize, task: TaskId| costs[task as usize] / speeds[device];
+        let run = simulation.run(&*queue(name, &work, &devices), speeds.len(), &seconds);
+        metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0
+    };
+    (0..10).map(one).sum::<f64>() / 10.0
+}
+
+/// The order of the policies on an image-like cost map.
+///
+/// Mutants: `LAUNCH_SHARE` of 0.9; `NEAREST` of 2 or no stealing at all; `Lpt` in increasing order; a steal from the
+/// front of the list.
+#[test]
+fn cost_initialised_queues_win() {
+    let equal = [1.0; 3];
+    let of = |name: &str, sigma| excess(name, &equal, 1024, sigma, 1);
+    let (block, round_robin, lpt, hybrid) =
+        (of("block", 0.032), of("round robin", 0.032), of("lpt", 0.032), of("hybrid", 0.032));
+    assert!(block > 20.0, "{block}");
+    assert!(lpt < round_robin && round_robin < block, "{lpt} {round_robin} {block}");
+    assert!(hybrid <= 1.0 && hybrid < lpt, "{hybrid} {lpt}");
+    assert!(of("hybrid", 0.3) <= 1.0, "a bad estimate is mended while running");
+
+    let unequal = [1.0, 2.0, 4.0];
+    let of = |name: &str, sigma| excess(name, &unequal, 1024, sigma, 1);
+    assert!(of("hybrid", 0.3) <= 1.0, "{}", of("hybrid", 0.3));
+    assert!(of("lpt", 0.032) < of("round robin", 0.032) / 10.0);
+
+    let central = excess("central", &equal, 65_536, 0.032, 1);
+    assert!(central > 100.0, "a launch for each of many tasks costs more than the tasks: {central}");
+    assert!(excess("central", &equal, 1024, 0.032, 2) < 1.0, "two launches in flight hide the launch");
+}
+
+/// Prints the table; the assertions are in `cost_initialised_queues_win`.
+#[test]
+fn table() {
+    for (speeds, n) in [(vec![1.0; 3], 64), (vec![1.0; 3], 1024), (vec![1.0; 8], 1024), (vec![1.0, 2.0, 4.0], 1024)] {
+        for in_flight in [1, 2] {
+            let row = NAMES.map(|name| {
+                let [good, bad] = [0.032, 0.3].map(|sigma| excess(name, &speeds, n, sigma, in_flight));
+                std::format!("{name} {good:.2} ({bad:.2})")
+            });
+            eprintln!("{} devices, {n} tasks, {in_flight} in flight: {}", speeds.len(), row.join(", "));
+        }
+    }
+}
+
+fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
+    (
+        prop::collection::vec(prop_oneof![0.0_f64..0.01, Just(0.0), Just(0.004)], 1..150),
+        prop::collection::vec(prop_oneof![Just(1.0), 0.1_f64..10.0], 1..6),
+        prop_oneof![Just(0.0), Just(0.3)],
+        1_usize..3,
+    )
+}
+
+proptest! {
+    /// No queue beats the lower bound, every task runs exactly once, and equal runs are equal.
+    ///
+    /// Mutants: `related` without the division by speeds; `free_s` that forgets what is in flight; a queue that leaves
+    /// out its last task.
+    #[test]
+    fn no_run_beats_the_bound((costs, speeds, sigma, in_flight) in runs()) {
+        let (work, devices) = (estimated(&costs, sigma, 1), models(&speeds));
+        let simulation = Simulation { in_flight, ..Simulation::default() };
+        let seconds = |device: usize, task: TaskId| costs[task as usize] / speeds[device];
+        let matrix: Vec<Vec<f64>> = speeds.iter().map(|s| costs.iter().map(|c| c / s).collect()).collect();
+        let matrix: Vec<&[f64]> = matrix.iter().map(Vec::as_slice).collect();
+        let least = bound::related(&costs, &speeds).max(bound::unrelated(&matrix));
+        for name in NAMES {
+            let run = simulation.run(&*queue(name, &work, &devices), speeds.len(), &seconds);
+            prop_assert!(run.makespan_s >= least * (1.0 - 1e-12), "{name}: {} < {least}", run.makespan_s);
+            let mut tasks: Vec<TaskId> = run.timeline.iter().flat_map(|l| l.tasks.clone()).collect();
+            tasks.sort_unstable();
+            prop_assert!(tasks.into_iter().eq(0..costs.len() as TaskId), "{}", name);
+            prop_assert!(run.unfinished.is_empty());
+            let again = simulation.run(&*queue(name, &work, &devices), speeds.len(), &seconds);
+            prop_assert_eq!(run, again);
+        }
+    }
+
+    /// Devices lost at any time lose no task while one is left, and duplicate none.
+    ///
+    /// Mutants: `lose` that names only the first launch; waiting devices that are not woken by a failure.
+    #[test]
+    fn failures_lose_nothing(
+        (costs, speeds, sigma, in_flight) in runs(),
+        failures in prop::collection::vec((0_usize..6, 0.0_f64..0.2), 0..5), spare: bool,
+    ) {
+        let (work, devices) = (estimated(&costs, sigma, 1), models(&speeds));
+        let failures: Vec<(usize, f64)> = failures.into_iter().filter(|f| !spare || f.0 != 0).collect();
+        let survivors = (0..speeds.len()).filter(|d| failures.iter().all(|f| f.0 != *d)).count();
+        let simulation = Simulation { in_flight, failures, ..Simulation::default() };
+        let seconds = |device: usize, task: TaskId| costs[task as usize] / speeds[device];
+        for name in NAMES {
+            let run = simulation.run(&*queue(name, &work, &devices), speeds.len(), &seconds);
+            let finished = run.timeline.iter().filter(|l| l.finished).flat_map(|l| l.tasks.iter().copied());
+            let mut tasks: Vec<TaskId> = finished.chain(run.unfinished.iter().copied()).collect();
+            tasks.sort_unstable();
+            prop_assert!(tasks.into_iter().eq(0..costs.len() as TaskId), "{}", name);
+            prop_assert!(survivors == 0 || run.unfinished.is_empty(), "{}", name);
+        }
+    }
+}
