@@ -42,10 +42,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheduling = Scheduling { estimator: Box::new(MiddleRay), ..Scheduling::default() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
     println!(
-        "{} sampled {:.2}% of the rays; imbalance {:.1}%",
+        "{} sampled {:.2}% of the rays; traced in {:.1} ms",
         run.report.estimate.estimator,
         100.0 * run.report.estimate.fraction,
-        100.0 * run.report.imbalance
+        1e3 * run.report.makespan_s
     );
     assert_eq!(run.work.len(), stream.tasks.len());
     Ok(())

@@ -168,9 +168,9 @@ fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], refer
             "| {} | {:.3} ({low:.3} – {high:.3}) | {} | {} | {} | {} | {} |",
             config.name,
             median(&makespan),
-            percent(&|run| Some(run.report.imbalance)),
+            percent(&|run| run.report.imbalance),
             percent(&|run| run.report.excess),
-            percent(&|run| Some(run.report.estimate.overhead)),
+            percent(&|run| run.report.estimate.overhead),
             percent(&|run| run.report.estimate.mre_counts),
             percent(&|run| run.report.estimate.mre_time),
         );

@@ -18,7 +18,7 @@
 //! let mut hits = vec![Hit::MISS; rays.len()];
 //! let run = balancer.trace_rays(&rays, &mut hits)?;
 //! assert!(hits.iter().all(|hit| hit.primitive == 0 && hit.t == 1.0));
-//! println!("{:.1}% imbalance", 100.0 * run.report.imbalance);
+//! println!("traced in {:.1} ms", 1e3 * run.report.makespan_s);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -59,7 +59,7 @@ pub(crate) fn measure(
             estimator: scheduling.estimator.name().to_owned(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
             seconds: estimate_s,
-            overhead: share(estimate_s, makespan_s - estimate_s),
+            overhead: metrics::overhead(estimate_s, makespan_s),
             mre_counts: None,
             mre_time: None,
         },
@@ -136,7 +136,7 @@ fn union(mut spans: Vec<(f64, f64)>) -> f64 {
 }
 
 /// The imbalance over living devices, whose speeds are those of the plan's cost models.
-fn imbalance(plan: &Plan, devices: &[DeviceReport], makespan_s: f64) -> f64 {
+fn imbalance(plan: &Plan, devices: &[DeviceReport], makespan_s: f64) -> Option<f64> {
     let total = plan.left.iter().fold(Work::default(), |sum, work| sum.plus(work));
     let speeds: Vec<f64> = plan
         .models

@@ -4,7 +4,7 @@ use crate::balancer::Member;
 use crate::estimate::WalkRecord;
 use crate::run::LaunchDone;
 use rt_core::{CostModel, StreamKind, TaskId, Work};
-use rt_sched::calibrate::Calibration;
+use rt_sched::calibrate::{Calibration, Measured};
 
 /// The measurements of one device.
 #[derive(Debug, Default)]
@@ -30,8 +30,13 @@ const fn class(kind: StreamKind) -> usize {
 
 impl Models {
     pub(crate) fn walked(&mut self, kind: StreamKind, walk: &WalkRecord) {
-        let work = Work::new(walk.rays as f32, walk.boxes as f32, walk.triangles as f32);
-        self.walks[class(kind)].observe(1, &work, walk.span.duration().as_secs_f64());
+        self.walks[class(kind)].observe(Measured {
+            launches: 1.0,
+            rays: walk.rays.into(),
+            boxes: walk.boxes as f64,
+            triangles: walk.triangles as f64,
+            seconds: walk.span.duration().as_secs_f64(),
+        });
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
@@ -41,13 +46,13 @@ impl Models {
         if launch.per_task {
             let mut inside = 0.0;
             for outcome in &launch.outcomes {
-                calibration.observe(0, left(outcome.task), outcome.measured_s);
+                calibration.observe(measured(0.0, left(outcome.task), outcome.measured_s));
                 inside += outcome.measured_s;
             }
-            calibration.observe(1, &Work::default(), (seconds - inside).max(0.0));
+            calibration.observe(measured(1.0, &Work::default(), (seconds - inside).max(0.0)));
         } else {
             let sum = launch.outcomes.iter().fold(Work::default(), |sum, outcome| sum.plus(left(outcome.task)));
-            calibration.observe(1, &sum, seconds);
+            calibration.observe(measured(1.0, &sum, seconds));
         }
     }
 
@@ -55,6 +60,12 @@ impl Models {
     pub(crate) fn per_launch(&self, kind: StreamKind) -> f64 {
         self.launches[class(kind)].fit().map_or(0.0, |fit| fit.model.per_launch())
     }
+}
+
+/// An observation of estimated work.
+pub(crate) fn measured(launches: f64, work: &Work, seconds: f64) -> Measured {
+    let [rays, boxes, triangles] = [work.rays(), work.boxes(), work.triangles()].map(f64::from);
+    Measured { launches, rays, boxes, triangles, seconds }
 }
 
 /// The cost model of each lane for a kind of stream: from launches where every lane has some, else from walks, else one

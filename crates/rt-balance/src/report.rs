@@ -22,7 +22,7 @@ pub struct StreamReport {
     pub makespan_s: f64,
     /// `makespan / (Σ speed · busy / Σ speed) − 1`, without a unit: how much longer the run took than if every device
     /// had been busy to the end.
-    pub imbalance: f64,
+    pub imbalance: Option<f64>,
     /// Least seconds that any schedule needs, from the reference pass.
     pub lower_bound_s: Option<f64>,
     /// `makespan / lower bound − 1`, without a unit.
@@ -41,7 +41,7 @@ pub struct EstimateReport {
     /// Wall seconds of estimating and planning.
     pub seconds: f64,
     /// `seconds / (makespan − seconds)`: the share of the trace that estimation adds, without a unit.
-    pub overhead: f64,
+    pub overhead: Option<f64>,
     /// Mean relative error per task of the estimated number of tests against exact counts, after one common scale.
     pub mre_counts: Option<f64>,
     /// Mean relative error per task of the predicted seconds against measured ones, after one common scale.

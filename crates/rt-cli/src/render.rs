@@ -172,7 +172,7 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prep
         scene.builder,
         scene.precision
     );
-    for reason in prepared.plan.reasons() {
+    for reason in &prepared.plan.reasons {
         println!("  {reason}");
     }
     println!("\n{}", table::streams(runs));

@@ -7,8 +7,8 @@ use indicatif::ProgressBar;
 use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh};
 use rt_core::Precision;
 use rt_scene::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
-use rt_scene::scan::Plan;
-use rt_scene::{Model, builtin, scan, scenes};
+use rt_scene::scan::{Plan, Scan};
+use rt_scene::{Model, builtin, scenes};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -31,8 +31,7 @@ pub(crate) struct Prepared {
 pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
     let start = Instant::now();
     let model = load(scene, args.drop_invalid)?;
-    let scanned = scan::scan(&model);
-    let mut plan = Plan::new(&scanned);
+    let mut plan = Plan::new(&Scan::new(&model));
     let load_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -47,7 +46,7 @@ pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
         Some(PrecisionArg::Robust) => Precision::Robust,
         Some(PrecisionArg::Fast) => Precision::Fast,
         Some(PrecisionArg::F64) => Precision::Double,
-        None => plan.precision(),
+        None => plan.precision,
     };
     Ok(Prepared { model, built, plan, precision, load_s, build_s })
 }

@@ -4,9 +4,9 @@ use glam::Vec3;
 use rt_scene::View;
 use rt_scene::streams::Sun;
 
-/// Radiance of the sun's disc times its solid angle, relative to a white sky of 1: a clear day's sun lights a surface
-/// that faces it about three times as much as the whole sky does.
-const SUN_IRRADIANCE: Vec3 = Vec3::new(9.0, 8.2, 7.0);
+/// Radiance of the sun's disc times its solid angle, relative to a white sky of 1 (whose irradiance is π): a hazy sun,
+/// which lights a surface that faces it somewhat more than the whole sky does and leaves shadows readable.
+const SUN_IRRADIANCE: Vec3 = Vec3::new(5.6, 5.0, 4.2);
 
 /// Angular radius of the sun in radians: ten times the real one, for penumbras that one can see.
 const SUN_RADIUS: f32 = 0.045;

@@ -81,11 +81,11 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
             grouped(report.tasks.into()),
             format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
             seconds(estimate.seconds),
-            percent(Some(estimate.overhead)),
+            percent(estimate.overhead),
             percent(estimate.mre_counts),
             percent(estimate.mre_time),
             seconds(report.makespan_s),
-            percent(Some(report.imbalance)),
+            percent(report.imbalance),
             percent(report.excess),
         ]);
     }

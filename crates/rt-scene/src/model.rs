@@ -43,6 +43,9 @@ impl View {
     }
 }
 
+/// Colour of triangles that have none: a warm light grey, as of unglazed clay.
+pub(crate) const UNCOLOURED: Vec3 = Vec3::new(0.62, 0.58, 0.53);
+
 impl Model {
     /// Triangle `primitive`, or `None` beyond the last.
     #[must_use]
@@ -55,7 +58,7 @@ impl Model {
     #[must_use]
     pub fn colour(&self, primitive: u32) -> Vec3 {
         let index = self.colour_of.get(primitive as usize).copied().unwrap_or(0);
-        self.palette.get(usize::from(index)).copied().unwrap_or(Vec3::splat(0.7))
+        self.palette.get(usize::from(index)).copied().unwrap_or(UNCOLOURED)
     }
 
     /// Bounds of all finite vertices.

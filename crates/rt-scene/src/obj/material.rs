@@ -1,14 +1,12 @@
 //! Materials: only their diffuse colour is used, and none of their defects stops a load.
 
 use super::statement::Statements;
+use crate::model::UNCOLOURED;
 use glam::Vec3;
 use std::cell::RefCell;
 use std::fs;
 use std::io;
 use std::path::Path;
-
-/// Colour of faces without a readable material: a light grey, in linear light.
-pub(crate) const DEFAULT_COLOUR: Vec3 = Vec3::splat(0.7);
 
 /// Loads the material files that a text names and remembers what went wrong.
 pub(super) struct Materials<'a> {
@@ -46,10 +44,10 @@ impl<'a> Materials<'a> {
             self.warn(format!("{} materials: those after the first {most} are grey", materials.len()));
         }
         let colours = materials.iter().take(most).map(|material| {
-            let colour = material.diffuse.map_or(DEFAULT_COLOUR, Vec3::from);
-            if colour.is_finite() { colour.clamp(Vec3::ZERO, Vec3::ONE) } else { DEFAULT_COLOUR }
+            let colour = material.diffuse.map_or(UNCOLOURED, Vec3::from);
+            if colour.is_finite() { colour.clamp(Vec3::ZERO, Vec3::ONE) } else { UNCOLOURED }
         });
-        std::iter::once(DEFAULT_COLOUR).chain(colours).collect()
+        std::iter::once(UNCOLOURED).chain(colours).collect()
     }
 
     pub(super) fn into_warnings(self) -> Vec<String> {

@@ -1,10 +1,9 @@
 //! Costs from what was measured before.
 
 use super::Sampled;
-use crate::sample::Fraction;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, Task, Walk, Work};
+use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, Task, Work};
 
 /// Predicts a stream from the last one of its kind, corrected by how long its tasks really took.
 ///
@@ -38,10 +37,9 @@ impl History {
 }
 
 impl Default for History {
-    /// History that begins with the exact counts of 1 in 64 rays: few enough to cost about 1% of the trace, and near
-    /// enough until times are known.
+    /// History that begins with the default sample of exact counts.
     fn default() -> Self {
-        Self::new(Box::new(Sampled::new(Walk::Full, Fraction::new(1.0 / 64.0).unwrap_or(Fraction::ONE))))
+        Self::new(Box::new(Sampled::default()))
     }
 }
 

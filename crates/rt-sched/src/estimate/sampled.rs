@@ -47,6 +47,13 @@ impl Sampled {
     }
 }
 
+impl Default for Sampled {
+    /// Exact counts of one ray in 64.
+    fn default() -> Self {
+        Self::new(Walk::Full, Fraction::SIXTY_FOURTH)
+    }
+}
+
 impl CostEstimator for Sampled {
     fn name(&self) -> &'static str {
         match self.walk {

@@ -1,0 +1,88 @@
+//! The colours of the garden.
+
+use crate::builtin::mesh::{Colour, Palette};
+
+/// Every colour of the garden by its use; where there are several, each leaf, tile or plank takes one at random.
+#[derive(Debug)]
+pub(super) struct Paint {
+    pub(super) lawn: [Colour; 2],
+    pub(super) meadow: Colour,
+    pub(super) grass: [Colour; 5],
+    pub(super) oak: [Colour; 6],
+    pub(super) birch: [Colour; 5],
+    pub(super) cherry: [Colour; 5],
+    pub(super) hedge: [Colour; 4],
+    pub(super) hedge_core: Colour,
+    pub(super) bush: [Colour; 4],
+    pub(super) ivy: [Colour; 4],
+    pub(super) petals: [Colour; 6],
+    pub(super) pollen: Colour,
+    pub(super) stem: Colour,
+    pub(super) bark: Colour,
+    pub(super) birch_bark: [Colour; 2],
+    pub(super) soil: Colour,
+    pub(super) plaster: Colour,
+    pub(super) plinth: Colour,
+    pub(super) tiles: [Colour; 5],
+    pub(super) roof_board: Colour,
+    pub(super) brick: [Colour; 4],
+    pub(super) mortar: Colour,
+    pub(super) white: Colour,
+    pub(super) shutter: Colour,
+    pub(super) door: Colour,
+    pub(super) pane: Colour,
+    pub(super) curtain: Colour,
+    pub(super) metal: Colour,
+    pub(super) zinc: Colour,
+    pub(super) slabs: [Colour; 4],
+    pub(super) stones: [Colour; 3],
+    pub(super) teak: [Colour; 4],
+    pub(super) canvas: [Colour; 2],
+    pub(super) terracotta: Colour,
+    pub(super) china: Colour,
+    pub(super) fruit: [Colour; 3],
+}
+
+impl Paint {
+    /// Enters every colour in `palette`.
+    pub(super) fn new(palette: &mut Palette) -> Self {
+        Self {
+            lawn: palette.add_all([0x5f_8f_3a, 0x6b_9c_42]),
+            meadow: palette.add(0x7d_a0_52),
+            grass: palette.add_all([0x4f_7d_2c, 0x5e_8e_34, 0x72_a2_40, 0x86_ac_4c, 0xa3_b0_5e]),
+            oak: palette.add_all([0x2f_5a_22, 0x3c_6a_28, 0x4a_7a_2e, 0x5b_8a_34, 0x6f_98_3e, 0x87_a6_4a]),
+            birch: palette.add_all([0x6c_94_34, 0x7f_a6_3e, 0x94_b4_48, 0xab_bf_52, 0xc2_c4_58]),
+            cherry: palette.add_all([0xf2_c6_d0, 0xf7_d8_de, 0xea_ae_bf, 0xfa_e8_ea, 0xde_94_ac]),
+            hedge: palette.add_all([0x24_4c_22, 0x2e_5a_28, 0x39_68_2e, 0x47_76_36]),
+            hedge_core: palette.add(0x16_2c_14),
+            bush: palette.add_all([0x3a_66_36, 0x4a_78_40, 0x5c_88_4a, 0x76_9a_58]),
+            ivy: palette.add_all([0x23_4a_26, 0x2f_5c_2c, 0x40_6e_34, 0x5a_82_40]),
+            petals: palette.add_all([0xe8_4a_5f, 0xf7_c5_3c, 0xf4_f1_ea, 0x9b_5f_c0, 0xf0_8a_3c, 0xe0_7f_b6]),
+            pollen: palette.add(0xd9_9a_22),
+            stem: palette.add(0x4c_80_38),
+            bark: palette.add(0x5a_46_36),
+            birch_bark: palette.add_all([0xdd_d8_cc, 0x3a_34_30]),
+            soil: palette.add(0x4a_36_28),
+            plaster: palette.add(0xf0_e4_cc),
+            plinth: palette.add(0x9a_92_86),
+            tiles: palette.add_all([0xa8_4a_32, 0xb5_56_3a, 0x9a_42_2e, 0xc0_64_42, 0x8c_3c_2c]),
+            roof_board: palette.add(0x5e_3a_2a),
+            brick: palette.add_all([0x9c_4c_3a, 0x8a_42_34, 0xac_5a_44, 0x94_54_46]),
+            mortar: palette.add(0xb8_b0_a4),
+            white: palette.add(0xf4_f2_ec),
+            shutter: palette.add(0x3f_6f_7c),
+            door: palette.add(0x2c_5a_66),
+            pane: palette.add(0x2a_34_3c),
+            curtain: palette.add(0xd8_d4_ca),
+            metal: palette.add(0x34_34_36),
+            zinc: palette.add(0x8e_96_9a),
+            slabs: palette.add_all([0xc4_b8_a6, 0xb8_ac_9a, 0xce_c2_b0, 0xac_a2_94]),
+            stones: palette.add_all([0xa8_a2_98, 0xb4_ae_a2, 0x98_92_8a]),
+            teak: palette.add_all([0x9a_66_3c, 0xa8_72_44, 0x8c_5c_36, 0xb4_80_50]),
+            canvas: palette.add_all([0xf2_e6_cc, 0xd9_5c_48]),
+            terracotta: palette.add(0xb8_65_42),
+            china: palette.add(0xec_ee_f0),
+            fruit: palette.add_all([0xd8_3a_2c, 0xf0_a0_2a, 0x9a_b8_3a]),
+        }
+    }
+}
