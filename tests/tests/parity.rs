@@ -1,36 +1,47 @@
-//! Every builder's trees give the exact reference's hits on real scenes, for 2,000 rays each. Ambiguous rays are
+//! Every builder's trees give the exact reference's hits on real and built-in scenes. Ambiguous rays are
 //! counted, and must still hit one of their candidates; but for ties, at most one random ray in a thousand may be one.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::Builder;
 use rt_core::{Precision, Query};
+use rt_scene::{Model, builtin};
 use rt_tests::parity::Exam;
-use rt_tests::scenes::{self, RealScene};
+use rt_tests::scenes;
 use rt_tests::tree;
 
-/// Rays for each scene. The reference tests each with every triangle; the program `parity` takes more.
+/// Rays for each real scene. The reference tests each with every triangle; the program `parity` takes more.
 const RAYS: u32 = 2_000;
+
+/// Rays for each built-in scene, which are there without any file.
+const BUILTIN_RAYS: u32 = 500;
 
 fn main() {
     let arguments = Arguments::from_args();
-    let trials = match scenes::find() {
-        Ok(scenes) => scenes
-            .into_iter()
-            .map(|scene| Trial::test(scene.name.clone(), move || examine(&scene)).with_kind("parity"))
-            .collect(),
+    let mut trials = vec![
+        Trial::test("builtin:yard", || examine(&builtin::yard(), BUILTIN_RAYS)),
+        Trial::test("builtin:car", || examine(&builtin::car(), BUILTIN_RAYS)),
+    ];
+    match scenes::find() {
+        Ok(scenes) => trials.extend(scenes.into_iter().map(|scene| {
+            Trial::test(scene.name.clone(), move || {
+                let mut model = scene.load()?;
+                model.view = scene.view;
+                examine(&model, RAYS)
+            })
+        })),
         Err(reason) => {
-            vec![Trial::ignorable_test("real scenes", move || Ok(Completion::ignored_with(reason))).with_kind("parity")]
+            trials.push(Trial::ignorable_test("real scenes", move || Ok(Completion::ignored_with(reason))));
         }
-    };
+    }
     run(&arguments, trials).exit();
 }
 
-fn examine(scene: &RealScene) -> Result<(), Failed> {
-    let triangles = scenes::triangles(&scene.load()?);
-    let camera = scene.view.map(|view| view.camera()).transpose()?;
-    let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 1);
+fn examine(model: &Model, rays: u32) -> Result<(), Failed> {
+    let triangles = scenes::triangles(model);
+    let camera = model.view.map(|view| view.camera()).transpose()?;
+    let exam = Exam::new(&triangles, camera.as_ref(), rays, 1);
     let ambiguity = exam.ambiguity();
-    println!("{}: {} rays; left out: {ambiguity:?}", scene.name, exam.rays());
+    println!("{}: {rays} rays; left out: {ambiguity:?}", model.source);
     let most = ambiguity.random / 1000 + 1;
     if ambiguity.random_doubtful > most {
         return Err(format!("more than {most} random rays are doubtful without a tie: {ambiguity:?}").into());
