@@ -15,8 +15,8 @@ use rt_core::{Ray, Triangle};
 /// clear. No unit.
 ///
 /// A kernel that shears in double precision (`rt_core::intersect`) errs by at most 10 roundings of 2⁻⁵³, so by less
-/// than 2⁻⁴⁹ of [`magnitude`]. Eight times that leaves room for devices which order or contract the same operations
-/// differently, and is still a billionth of a single-precision rounding.
+/// than 2⁻⁴⁹ of the products that its edge function subtracts. Eight times that leaves room for devices which order or
+/// contract the same operations differently, and is still a four-millionth of a single-precision rounding.
 pub const EDGE_TOLERANCE_LOG2: i32 = -46;
 
 /// [`EDGE_TOLERANCE_LOG2`] as a factor.

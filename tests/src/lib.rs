@@ -1,7 +1,7 @@
 //! Test equipment for raybalance and its backends.
 //!
 //! * [`conformance`]: what every device must do, as cases that any backend can run.
-//! * [`reference`]: the exact answer for a ray, or the reason why there is more than one; [`brute`]: the defined bits.
+//! * [`mod@reference`]: the exact answer for a ray, or the reason why there is more than one; [`brute`]: the defined bits.
 //! * [`shapes`], [`rays`], [`scenes`]: triangles and rays that make trouble, and real scenes.
 //! * [`strategy`]: the same for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.

@@ -267,7 +267,9 @@ fn nothing_to_trace_and_wrong_arguments_are_no_trouble() {
     assert!(matches!(Balancer::new(Arc::clone(scene), &[]), Err(BalanceError::NoDevices)));
     let mut balancer = Balancer::new(Arc::clone(scene), &[honest(), honest()]).expect("a balancer");
     let run = balancer.trace_rays(&[], &mut []).expect("no rays");
-    assert!(run.report.tasks == 0 && run.report.imbalance.is_none_or(f64::is_finite) && run.report.makespan_s.is_finite());
+    assert!(
+        run.report.tasks == 0 && run.report.imbalance.is_none_or(f64::is_finite) && run.report.makespan_s.is_finite()
+    );
     let mut short = [Hit::MISS; 3];
     let answer = balancer.trace(stream, &mut Scheduling::default(), &mut short, None, Control::default());
     assert!(matches!(answer, Err(BalanceError::Length { argument: "hits", found: 3, .. })), "{answer:?}");
