@@ -1,0 +1,64 @@
+//! Every triangle tested in double precision: the definition of a hit without a tree.
+//!
+//! Unlike [`crate::reference`] this shares the kernels' own test (`rt_core::intersect`), so its answers are exact to
+//! the last bit on ambiguous rays too: the nearest `t` in single precision, then the lowest primitive id.
+
+use rt_core::intersect::Shear;
+use rt_core::{Hit, Ray, Triangle};
+
+/// The nearest hit of `ray` with `triangles`, whose ids are their positions; the triangle `origin` is left out.
+#[must_use]
+pub fn closest(triangles: &[Triangle], ray: &Ray, origin: u32) -> Hit {
+    closest_among(triangles, 0..triangles.len() as u32, ray, origin)
+}
+
+/// [`closest`] with the triangles named by `ids` only.
+#[must_use]
+pub fn closest_among(triangles: &[Triangle], ids: impl IntoIterator<Item = u32>, ray: &Ray, origin: u32) -> Hit {
+    hits(triangles, ids, ray, origin).fold(Hit::MISS, |best, hit| if hit.is_before(&best) { hit } else { best })
+}
+
+/// Whether `ray` hits anything but the triangle `origin`.
+#[must_use]
+pub fn any(triangles: &[Triangle], ray: &Ray, origin: u32) -> bool {
+    hits(triangles, 0..triangles.len() as u32, ray, origin).next().is_some()
+}
+
+fn hits(
+    triangles: &[Triangle],
+    ids: impl IntoIterator<Item = u32>,
+    ray: &Ray,
+    origin: u32,
+) -> impl Iterator<Item = Hit> {
+    let shear = ray.is_valid().then(|| Shear::new(ray.origin, ray.direction));
+    ids.into_iter().filter(move |&id| id != origin).filter_map(move |id| {
+        let triangle = &triangles[id as usize];
+        let hit = shear?.intersect(triangle)?.to_hit(1.0, ray.tmin, ray.tmax, id)?;
+        has_area(triangle).then_some(hit)
+    })
+}
+
+/// Whether a triangle can be hit at all: finite, and its area is not zero.
+#[must_use]
+pub fn has_area(triangle: &Triangle) -> bool {
+    triangle.is_finite() && triangle.area_normal() != glam::DVec3::ZERO
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    // Guards against: the higher id winning a tie, the origin's triangle hit, limits forgotten.
+    #[test]
+    fn nearest_then_lowest_id() {
+        let at = |z: f32| Triangle::new(Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z));
+        let triangles = [at(2.0), at(1.0), at(1.0), at(-1.0)];
+        let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+        assert_eq!(closest(&triangles, &ray, u32::MAX).primitive, 1);
+        assert_eq!(closest(&triangles, &ray, 1).primitive, 2);
+        assert_eq!(closest(&triangles, &ray.with_range(1.5, 9.0), u32::MAX).primitive, 0);
+        assert_eq!(closest(&triangles, &ray.with_range(1.5, 1.6), u32::MAX), Hit::MISS);
+        assert!(any(&triangles, &ray, 1) && !any(&triangles[..1], &ray, 0));
+    }
+}

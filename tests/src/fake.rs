@@ -1,0 +1,296 @@
+//! A device without hardware, and its broken sisters: proof that the conformance suite can fail.
+
+use rt_bvh::Stack;
+use rt_core::{
+    Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
+    StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// One mistake a backend might make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Flaw {
+    /// Everything misses.
+    Misses,
+    /// Of tied hits, not the one with the lowest id.
+    WrongTie,
+    /// The primitive a ray starts on is hit.
+    IgnoresOrigins,
+    /// `tmax` is taken for infinity.
+    IgnoresLimit,
+    /// Rays marked as done are traced.
+    IgnoresMask,
+    /// The last ray of each task misses.
+    LosesLastRay,
+    /// Results come in the order of the rays, not of the tasks.
+    SortsTasks,
+    /// One box test too many.
+    Miscounts,
+    /// `t` off by one unit in the last place.
+    Imprecise,
+    /// Rays loaded later are ignored.
+    KeepsFirstRays,
+    /// Tasks beyond the rays are cut to fit.
+    AcceptsAnyTask,
+    /// More launches than were announced are taken.
+    AcceptsAnyNumber,
+    /// Results of the launch before.
+    Lags,
+    /// Times on another clock.
+    WrongClock,
+    /// Results are added to what is in the buffer.
+    Appends,
+    /// Every ray is normalised in single precision first.
+    Normalizes,
+}
+
+impl Flaw {
+    /// All of them.
+    pub const ALL: [Self; 16] = [
+        Self::Misses,
+        Self::WrongTie,
+        Self::IgnoresOrigins,
+        Self::IgnoresLimit,
+        Self::IgnoresMask,
+        Self::LosesLastRay,
+        Self::SortsTasks,
+        Self::Miscounts,
+        Self::Imprecise,
+        Self::KeepsFirstRays,
+        Self::AcceptsAnyTask,
+        Self::AcceptsAnyNumber,
+        Self::Lags,
+        Self::WrongClock,
+        Self::Appends,
+        Self::Normalizes,
+    ];
+}
+
+/// The smallest correct device: `rt_bvh` on the calling thread. Or one with a [`Flaw`].
+#[derive(Clone, Debug)]
+pub struct FakeDevice {
+    info: DeviceInfo,
+    flaw: Option<Flaw>,
+}
+
+impl FakeDevice {
+    /// Keeps every promise.
+    #[must_use]
+    pub fn honest() -> Self {
+        Self::new(None)
+    }
+
+    /// Does everything but tracing: all rays miss.
+    #[must_use]
+    pub fn null() -> Self {
+        Self::flawed(Flaw::Misses)
+    }
+
+    /// Makes one mistake.
+    #[must_use]
+    pub fn flawed(flaw: Flaw) -> Self {
+        Self::new(Some(flaw))
+    }
+
+    fn new(flaw: Option<Flaw>) -> Self {
+        let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
+        Self { info: DeviceInfo { name, backend: "fake", units: 1, in_flight: 2, memory: None }, flaw }
+    }
+}
+
+impl Device for FakeDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        Ok(Box::new(FakeTracer {
+            scene,
+            clock,
+            flaw: self.flaw,
+            source: RaySource::Explicit { rays: [].into(), origins: None },
+            spec: StreamSpec::default(),
+            loaded: false,
+            tickets: 0,
+            in_flight: VecDeque::new(),
+            last: Vec::new(),
+        }))
+    }
+}
+
+#[derive(Debug)]
+struct FakeTracer {
+    scene: Arc<Scene>,
+    clock: Clock,
+    flaw: Option<Flaw>,
+    source: RaySource,
+    spec: StreamSpec,
+    loaded: bool,
+    tickets: u64,
+    in_flight: VecDeque<(Ticket, Launch)>,
+    /// Hits of the launch before.
+    last: Vec<Hit>,
+}
+
+fn invalid<T>(message: &str) -> Result<T, DeviceError> {
+    Err(DeviceError::new(DeviceErrorKind::InvalidArgument, message))
+}
+
+impl FakeTracer {
+    fn has(&self, flaw: Flaw) -> bool {
+        self.flaw == Some(flaw)
+    }
+
+    fn timed<R>(&self, work: impl FnOnce() -> R) -> (R, Span) {
+        let start = (self.clock)();
+        let result = work();
+        let mut end = (self.clock)();
+        if self.has(Flaw::WrongClock) {
+            end += Duration::from_secs(1);
+        }
+        (result, Span { start, end, in_kernel: end.saturating_sub(start) })
+    }
+
+    /// Traces one ray, with the flaws that are a ray's own.
+    fn ray(&self, stack: &mut Stack, index: u32, walk: Option<Walk>) -> (Hit, TestCounts) {
+        let (mut ray, mut origin) = self.source.ray(index);
+        if self.has(Flaw::IgnoresOrigins) {
+            origin = u32::MAX;
+        }
+        if self.has(Flaw::IgnoresLimit) && ray.tmin <= ray.tmax {
+            ray.tmax = f32::INFINITY;
+        }
+        if self.has(Flaw::Normalizes) {
+            ray.direction = ray.direction.normalize();
+        }
+        let (mut hit, mut counts) = self.once(stack, ray, origin, walk);
+        match self.flaw {
+            Some(Flaw::Misses) => hit = Hit::MISS,
+            Some(Flaw::Miscounts) => counts.boxes += 1,
+            Some(Flaw::Imprecise) if hit.is_hit() => hit.t = hit.t.next_up(),
+            Some(Flaw::WrongTie) if hit.is_hit() && self.spec.query == Query::Closest => {
+                // Leave the winner out: if another one is as near, report that.
+                let (other, _) = self.once(stack, ray, hit.primitive, walk);
+                if other.t == hit.t {
+                    hit = other;
+                }
+            }
+            _ => {}
+        }
+        (hit, counts)
+    }
+
+    fn once(&self, stack: &mut Stack, ray: Ray, origin: u32, walk: Option<Walk>) -> (Hit, TestCounts) {
+        let mut answer = (Hit::MISS, TestCounts::default());
+        let sink = |hit, counts| answer = (hit, counts);
+        let rays = std::iter::once((ray, origin));
+        match walk {
+            Some(walk) => rt_bvh::count(&self.scene, stack, walk, self.spec.precision, rays, sink),
+            None => rt_bvh::trace(&self.scene, stack, self.spec, rays, sink),
+        }
+        answer
+    }
+
+    fn launch(&self, tasks: &[Task], done: Option<&RayMask>) -> (Vec<Hit>, Vec<TestCounts>) {
+        let mut stack = Stack::for_scene(&self.scene);
+        let mut tasks = tasks.to_vec();
+        if self.has(Flaw::SortsTasks) {
+            tasks.sort_by_key(|task| task.first);
+        }
+        let left_out = |i| done.is_some_and(|mask| mask.contains(i)) && !self.has(Flaw::IgnoresMask);
+        let mut results = (Vec::new(), Vec::new());
+        for task in tasks {
+            let loaded = self.source.len();
+            for index in task.first..task.first.saturating_add(task.rays).min(loaded) {
+                let lost = self.has(Flaw::LosesLastRay) && index + 1 == task.first + task.rays;
+                let nothing = (Hit::MISS, TestCounts::default());
+                let (hit, counts) = if lost || left_out(index) { nothing } else { self.ray(&mut stack, index, None) };
+                results.0.push(hit);
+                results.1.push(counts);
+            }
+        }
+        if !self.spec.counts {
+            results.1.clear();
+        }
+        results
+    }
+}
+
+impl Tracer for FakeTracer {
+    fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
+        if !self.in_flight.is_empty() {
+            return invalid("launches are in flight: wait for them");
+        }
+        if let RaySource::Explicit { rays, origins: Some(origins) } = &source
+            && rays.len() != origins.len()
+        {
+            return invalid("rays and origins differ in number");
+        }
+        if !(self.loaded && self.has(Flaw::KeepsFirstRays)) {
+            self.source = source;
+        }
+        (self.spec, self.loaded) = (spec, true);
+        Ok(())
+    }
+
+    fn walk(
+        &mut self,
+        rays: &[u32],
+        walk: Walk,
+        counts: &mut [TestCounts],
+        hits: Option<&mut [Hit]>,
+    ) -> Result<Span, DeviceError> {
+        if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {
+            return invalid("rays, counts and hits differ in number");
+        }
+        if rays.iter().any(|&ray| ray >= self.source.len()) {
+            return invalid("a ray that is not loaded");
+        }
+        let (walked, span) = self.timed(|| {
+            let mut stack = Stack::for_scene(&self.scene);
+            rays.iter().map(|&ray| self.ray(&mut stack, ray, Some(walk))).collect::<Vec<_>>()
+        });
+        for (slot, (_, count)) in counts.iter_mut().zip(&walked) {
+            *slot = *count;
+        }
+        for (slot, (hit, _)) in hits.into_iter().flatten().zip(&walked) {
+            *slot = *hit;
+        }
+        Ok(span)
+    }
+
+    fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
+        if self.in_flight.len() >= 2 && !self.has(Flaw::AcceptsAnyNumber) {
+            return invalid("two launches are in flight: wait for one");
+        }
+        let outside = |t: &Task| u64::from(t.first) + u64::from(t.rays) > u64::from(self.source.len());
+        if tasks.iter().any(outside) && !self.has(Flaw::AcceptsAnyTask) {
+            return invalid("a task beyond the loaded rays");
+        }
+        let ((mut hits, counts), span) = self.timed(|| self.launch(tasks, done.map(|d| &**d)));
+        if self.has(Flaw::Lags) {
+            let rays = hits.len();
+            std::mem::swap(&mut hits, &mut self.last);
+            hits.resize(rays, Hit::MISS);
+        }
+        let ticket = Ticket(self.tickets);
+        self.tickets += 1;
+        self.in_flight.push_back((ticket, Launch { hits, counts, task_seconds: Vec::new(), span }));
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket, _limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
+        let Some(place) = self.in_flight.iter().position(|(t, _)| *t == ticket) else {
+            return invalid("the launch is not in flight");
+        };
+        let Some((_, launch)) = self.in_flight.remove(place) else { return invalid("the launch is not in flight") };
+        if self.has(Flaw::Appends) {
+            out.hits.extend(launch.hits);
+        } else {
+            *out = launch;
+        }
+        Ok(())
+    }
+}

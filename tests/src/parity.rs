@@ -1,0 +1,140 @@
+//! Trees compared with the exact reference on whole scenes.
+
+use crate::rays::{Aim, RayMaker};
+use crate::reference::{Reference, Verdict};
+use crate::tree;
+use rayon::prelude::*;
+use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
+
+/// Rays that share a pass over the triangles: enough that reading these from memory does not count.
+const BATCH: usize = 32;
+
+/// The aims of rays 0 to 11, and of every twelve after; `None` is a camera ray. Half are aimed at triangles; a third are
+/// random in the sense that nothing makes them pass near an edge.
+const AIMS: [Option<Aim>; 12] = [
+    Some(Aim::Interior),
+    Some(Aim::Random),
+    Some(Aim::Interior),
+    None,
+    Some(Aim::Edge),
+    Some(Aim::Diffuse),
+    Some(Aim::Interior),
+    Some(Aim::Random),
+    Some(Aim::Interior),
+    None,
+    Some(Aim::Vertex),
+    Some(Aim::Axis),
+];
+
+/// Rays on one scene and their right answers.
+#[derive(Debug)]
+pub struct Exam<'a> {
+    triangles: &'a [Triangle],
+    rays: Vec<(Ray, u32)>,
+    /// The exact verdict, and the answer of brute force in double precision.
+    answers: Vec<(Verdict, Hit)>,
+}
+
+/// How many rays the exact reference leaves open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Ambiguity {
+    /// Ambiguous rays of all aims; those aimed at edges and vertices are meant to be.
+    pub all: usize,
+    /// Rays that nothing aims at edges: random segments and camera rays.
+    pub random: usize,
+    /// Those of them that meet two triangles at nearly one distance: a property of the scene.
+    pub random_ties: usize,
+    /// Those of them that are ambiguous for another reason.
+    pub random_doubtful: usize,
+}
+
+/// How a tree did.
+#[derive(Clone, Debug, Default)]
+pub struct Marks {
+    /// Rays that hit something.
+    pub hits: usize,
+    /// Answers that the exact reference does not admit, or whose numbers are not the defined ones. Must be 0.
+    pub disagreements: usize,
+    /// Ambiguous rays on which brute force in double precision gives another of the admitted answers.
+    pub other_choices: usize,
+    /// The first disagreement, for a person.
+    pub first: Option<String>,
+}
+
+impl<'a> Exam<'a> {
+    /// Makes `rays` rays and resolves them, on all cores.
+    #[must_use]
+    pub fn new(triangles: &'a [Triangle], camera: Option<&Camera>, rays: u32, seed: u32) -> Self {
+        let maker = RayMaker::new(triangles, seed);
+        let make = |i: u32| match (AIMS[i as usize % AIMS.len()], camera) {
+            (Some(aim), _) => maker.ray(aim, i),
+            (None, Some(camera)) => {
+                let [x, y] = random::pair(seed, i, 9);
+                (camera.ray(x, y, 1.6), u32::MAX)
+            }
+            (None, None) => maker.ray(Aim::Random, i),
+        };
+        let rays: Vec<_> = (0..rays).map(make).collect();
+        let reference = Reference::new(triangles);
+        let answers = rays.par_chunks(BATCH).flat_map_iter(|batch| reference.answers(batch)).collect();
+        Self { triangles, rays, answers }
+    }
+
+    /// Number of rays.
+    #[must_use]
+    pub fn rays(&self) -> usize {
+        self.rays.len()
+    }
+
+    /// How many rays are ambiguous.
+    #[must_use]
+    pub fn ambiguity(&self) -> Ambiguity {
+        let mut found = Ambiguity::default();
+        for (i, (verdict, _)) in self.answers.iter().enumerate() {
+            let random = usize::from(matches!(AIMS[i % AIMS.len()], None | Some(Aim::Random)));
+            found.random += random;
+            if verdict.is_ambiguous() {
+                found.all += 1;
+                if verdict.is_tie() {
+                    found.random_ties += random;
+                } else {
+                    found.random_doubtful += random;
+                }
+            }
+        }
+        found
+    }
+
+    /// Puts the rays to a tree.
+    #[must_use]
+    pub fn mark(&self, scene: &Scene, query: Query, precision: Precision) -> Marks {
+        let spec = StreamSpec { query, precision, counts: false };
+        let hits: Vec<Hit> =
+            self.rays.par_chunks(1024).flat_map_iter(|rays| tree::trace(scene, spec, rays).0).collect();
+        let mut marks = Marks { hits: hits.iter().filter(|hit| hit.is_hit()).count(), ..Marks::default() };
+        for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(&hits) {
+            let right = self.is_defined(ray, hit)
+                && match query {
+                    Query::Closest => verdict.admits(hit.primitive, hit.t),
+                    Query::Any => verdict.admits_presence(hit.is_hit()),
+                };
+            if !right {
+                marks.disagreements += 1;
+                marks.first.get_or_insert_with(|| {
+                    format!("{query:?}, {precision:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
+                });
+            } else if query == Query::Closest && hit != brute {
+                marks.other_choices += 1;
+            }
+        }
+        marks
+    }
+
+    /// Whether a hit's numbers are those of its triangle.
+    fn is_defined(&self, ray: &Ray, hit: &Hit) -> bool {
+        match self.triangles.get(hit.primitive as usize) {
+            Some(triangle) => intersect::hit(ray, triangle, hit.primitive).as_ref() == Some(hit),
+            None => *hit == Hit::MISS,
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Real scenes: `.obj` files in the folder that the environment variable `RAYBALANCE_SCENES` names.
+
+use rt_core::Triangle;
+use rt_scene::obj::{LoadOptions, load_obj};
+use rt_scene::{Model, View};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The environment variable.
+pub const VARIABLE: &str = "RAYBALANCE_SCENES";
+
+/// A scene that can be loaded.
+#[derive(Clone, Debug)]
+pub struct RealScene {
+    /// File name without `.obj`.
+    pub name: String,
+    /// The file.
+    pub path: PathBuf,
+    /// The view that `cameras.tsv`, a file of the same folder, gives for it.
+    pub view: Option<View>,
+}
+
+/// The scenes in the folder that [`VARIABLE`] names, by name.
+///
+/// # Errors
+/// The reason why there are none, for a person: the variable is not set, or the folder cannot be read or has no scene.
+pub fn find() -> Result<Vec<RealScene>, String> {
+    let folder = std::env::var_os(VARIABLE)
+        .ok_or_else(|| format!("{VARIABLE} is not set: let it name a folder of .obj files"))?;
+    find_in(Path::new(&folder))
+}
+
+/// [`find`] for a folder.
+///
+/// # Errors
+/// When it cannot be read or has no `.obj` file.
+pub fn find_in(folder: &Path) -> Result<Vec<RealScene>, String> {
+    let cannot = |e: std::io::Error| format!("{}: {e}", folder.display());
+    let cameras = fs::read_to_string(folder.join("cameras.tsv")).unwrap_or_default();
+    let mut scenes = Vec::new();
+    for entry in fs::read_dir(folder).map_err(cannot)? {
+        let path = entry.map_err(cannot)?.path();
+        let (Some("obj"), Some(name)) =
+            (path.extension().and_then(|e| e.to_str()), path.file_stem().and_then(|s| s.to_str()))
+        else {
+            continue;
+        };
+        let (name, view) = (name.to_owned(), cameras.lines().find_map(|line| view(line, name)));
+        scenes.push(RealScene { name, path, view });
+    }
+    scenes.sort_by(|a, b| a.name.cmp(&b.name));
+    if scenes.is_empty() { Err(format!("{}: no .obj file in it", folder.display())) } else { Ok(scenes) }
+}
+
+/// A line `file eye target up fov`, separated by tabs, points by blanks, if it is about `name`.
+fn view(line: &str, name: &str) -> Option<View> {
+    let mut columns = line.split('\t');
+    if columns.next()?.strip_suffix(".obj")? != name {
+        return None;
+    }
+    let mut point = || {
+        let numbers: Vec<f32> = columns.next()?.split_whitespace().map_while(|n| n.parse().ok()).collect();
+        Some(glam::Vec3::from(<[f32; 3]>::try_from(numbers).ok()?))
+    };
+    let [eye, target, up] = [point()?, point()?, point()?];
+    Some(View { eye, target, up, fov_degrees: columns.next()?.trim().parse().ok()? })
+}
+
+impl RealScene {
+    /// Loads the file.
+    ///
+    /// # Errors
+    /// The loader's message.
+    pub fn load(&self) -> Result<Model, String> {
+        load_obj(&self.path, &LoadOptions::default(), &mut |_| {}).map(|loaded| loaded.model).map_err(|e| e.to_string())
+    }
+}
+
+/// The triangles of a model in file order: their positions are the primitive ids.
+#[must_use]
+pub fn triangles(model: &Model) -> Vec<Triangle> {
+    (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_are_read_and_bad_lines_are_not() {
+        let line = "a.obj\t1 2 3\t0 0 0\t0 1 0\t45";
+        let found = view(line, "a").expect("a camera");
+        assert_eq!((found.eye.z, found.fov_degrees), (3.0, 45.0));
+        for bad in ["# a.obj", "b.obj\t1 2 3\t0 0 0\t0 1 0\t45", "a.obj\t1 2\t0 0 0\t0 1 0\t45", "a.obj\t1 2 3", ""] {
+            assert_eq!(view(bad, "a"), None);
+        }
+        assert!(find_in(Path::new("no such folder")).is_err_and(|e| e.contains("no such folder")));
+    }
+}

@@ -1,0 +1,41 @@
+//! Triangles turned into a scene, and what `rt_bvh` itself says of rays on it.
+
+use glam::Vec3;
+use rt_bvh::{BuildOptions, Builder, Mesh, Stack};
+use rt_core::{Hit, Precision, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk};
+use std::sync::Arc;
+
+/// Builds a scene of `triangles`, whose ids are their positions.
+///
+/// # Errors
+/// The builder's message.
+pub fn build(triangles: &[Triangle], builder: Builder) -> Result<Arc<Scene>, String> {
+    let positions: Vec<Vec3> = triangles.iter().flat_map(Triangle::vertices).collect();
+    let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+    let mesh = Mesh { positions: &positions, indices: &indices };
+    let options = BuildOptions { builder, ..BuildOptions::default() };
+    rt_bvh::build(mesh, &options).map(|built| Arc::new(built.scene)).map_err(|e| e.to_string())
+}
+
+/// Traces every ray with `rt_bvh`.
+#[must_use]
+pub fn trace(scene: &Scene, spec: StreamSpec, rays: &[(Ray, u32)]) -> (Vec<Hit>, Vec<TestCounts>) {
+    let mut answers = (Vec::with_capacity(rays.len()), Vec::with_capacity(rays.len()));
+    rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays.iter().copied(), |hit, counts| {
+        answers.0.push(hit);
+        answers.1.push(counts);
+    });
+    answers
+}
+
+/// Walks every ray with `rt_bvh`.
+#[must_use]
+pub fn walk(scene: &Scene, walk: Walk, spec: StreamSpec, rays: &[(Ray, u32)]) -> (Vec<Hit>, Vec<TestCounts>) {
+    let mut answers = (Vec::with_capacity(rays.len()), Vec::with_capacity(rays.len()));
+    let precision: Precision = spec.precision;
+    rt_bvh::count(scene, &mut Stack::for_scene(scene), walk, precision, rays.iter().copied(), |hit, counts| {
+        answers.0.push(hit);
+        answers.1.push(counts);
+    });
+    answers
+}

@@ -1,0 +1,31 @@
+//! The conformance suite on the devices of this workspace.
+
+use backend_cpu::CpuDevice;
+use libtest_mimic::{Arguments, run};
+use rt_core::Device;
+use rt_tests::conformance::{Subject, trials};
+use rt_tests::fake::FakeDevice;
+use std::sync::Arc;
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let mut subjects = vec![Subject::new("fake", "honest", Ok(Arc::new(FakeDevice::honest())))];
+    subjects.extend(cpu("1-thread", &[1]));
+    subjects.extend(cpu("4-threads", &[4]));
+    // Two devices opened together, as the balancer uses them.
+    subjects.extend(cpu("pair", &[1, 1]));
+    run(&arguments, trials(subjects)).exit();
+}
+
+fn cpu(label: &str, threads: &[usize]) -> Vec<Subject> {
+    match CpuDevice::open_all(threads) {
+        Ok(devices) => {
+            let subject = |(i, device): (usize, CpuDevice)| {
+                let label = if threads.len() == 1 { label.to_owned() } else { format!("{label}-{i}") };
+                Subject::new("cpu", &label, Ok(Arc::new(device) as Arc<dyn Device>))
+            };
+            devices.into_iter().enumerate().map(subject).collect()
+        }
+        Err(e) => vec![Subject::new("cpu", label, Err(e.to_string()))],
+    }
+}

@@ -1,0 +1,92 @@
+//! Properties over random scenes: the exact reference, brute force and the trees agree.
+
+use proptest::prelude::*;
+use rt_bvh::Builder;
+use rt_core::{Hit, Precision, Query, ReducedWalk, StreamSpec, Walk};
+use rt_tests::reference::{Reference, Verdict};
+use rt_tests::{brute, strategy, tree};
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// Guards against: a wrong sign in `Shear::intersect`, `<=` for `<` in its edge tests, an error bound of the
+    /// reference's filter that is too small.
+    #[test]
+    fn brute_force_keeps_the_exact_reference((triangles, rays) in strategy::scene()) {
+        let reference = Reference::new(&triangles);
+        for ((verdict, found), (ray, origin)) in reference.answers(&rays).iter().zip(&rays) {
+            let hit = brute::closest(&triangles, ray, *origin);
+            prop_assert!(verdict.admits(hit.primitive, hit.t), "{hit:?} but {verdict:?} for {ray:?}");
+            prop_assert!(verdict.admits_presence(brute::any(&triangles, ray, *origin)));
+            prop_assert_eq!(&hit, found, "the filter lost a triangle for {:?}", ray);
+        }
+    }
+
+    /// Guards against: reading limits or invalid rays as valid.
+    #[test]
+    fn invalid_rays_miss(triangles in strategy::triangles(), ray in strategy::invalid_ray()) {
+        prop_assert_eq!(Reference::new(&triangles).resolve(&ray, u32::MAX), Verdict::Unambiguous(None));
+        prop_assert!(!brute::closest(&triangles, &ray, u32::MAX).is_hit());
+        let scene = tree::build(&triangles, Builder::Sah).map_err(TestCaseError::fail)?;
+        let (hits, _) = tree::trace(&scene, StreamSpec::default(), &[(ray, u32::MAX)]);
+        prop_assert_eq!(hits, [Hit::MISS]);
+    }
+
+    /// Guards against: box tests without padding, the far child visited never or only before the near one, `<` for
+    /// `<=` where a tie must still be looked at, ids of leaf order for ids of the caller.
+    #[test]
+    fn trees_of_every_builder_keep_the_exact_reference(
+        (triangles, rays) in strategy::scene(),
+        builder in prop::sample::select(Builder::ALL),
+        precision in prop::sample::select(&[Precision::Robust, Precision::Double][..]),
+    ) {
+        let verdicts = Reference::new(&triangles).resolve_all(&rays);
+        let scene = tree::build(&triangles, builder).map_err(TestCaseError::fail)?;
+        for query in [Query::Closest, Query::Any] {
+            let (hits, _) = tree::trace(&scene, StreamSpec { query, precision, counts: false }, &rays);
+            prop_assert_eq!(hits.len(), rays.len());
+            for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
+                let right = match query {
+                    Query::Closest => verdict.admits(hit.primitive, hit.t),
+                    Query::Any => verdict.admits_presence(hit.is_hit()),
+                };
+                prop_assert!(right, "{builder}, {query:?}: {hit:?} but {verdict:?} for {ray:?}");
+            }
+        }
+    }
+
+    /// Hits are a function of rays and triangles alone: not of the builder, of the precision, nor of counting.
+    ///
+    /// Guards against: a tie won by whoever was tested first, a builder that loses a triangle, a filter in single
+    /// precision that is not conservative.
+    #[test]
+    fn hits_do_not_depend_on_the_tree((triangles, rays) in strategy::scene()) {
+        let mut first: Option<Vec<Hit>> = None;
+        for &builder in Builder::ALL {
+            let scene = tree::build(&triangles, builder).map_err(TestCaseError::fail)?;
+            for (precision, counts) in [(Precision::Robust, false), (Precision::Double, true)] {
+                let (hits, _) = tree::trace(&scene, StreamSpec { query: Query::Closest, precision, counts }, &rays);
+                match &first {
+                    None => first = Some(hits),
+                    Some(first) => prop_assert_eq!(&hits, first, "{}, {:?}", builder, precision),
+                }
+            }
+        }
+    }
+
+    /// Guards against: a reduced walk that prunes, counts a leaf's triangles twice, or is cut where it must not be.
+    #[test]
+    fn reduced_walks_bound_full_ones((triangles, rays) in strategy::scene()) {
+        let scene = tree::build(&triangles, Builder::Sah).map_err(TestCaseError::fail)?;
+        let spec = StreamSpec::default();
+        let [full, cut, uncut] = [
+            Walk::Full,
+            Walk::Reduced(ReducedWalk::LeafAsHit),
+            Walk::Reduced(ReducedWalk::Unshortened),
+        ].map(|walk| tree::walk(&scene, walk, spec, &rays).1);
+        for ((full, cut), uncut) in full.iter().zip(&cut).zip(&uncut) {
+            prop_assert!(cut.boxes <= uncut.boxes && cut.triangles <= uncut.triangles, "{cut:?} > {uncut:?}");
+            prop_assert!(full.boxes <= uncut.boxes && full.triangles <= uncut.triangles, "{full:?} > {uncut:?}");
+        }
+    }
+}

@@ -1,0 +1,65 @@
+//! The conformance suite must be able to fail: flawed devices are found out, by the cases one would expect.
+
+use rt_core::Device;
+use rt_tests::conformance::cases;
+use rt_tests::fake::{FakeDevice, Flaw};
+
+/// Whether a device passes the case called `name`.
+fn passes(device: &dyn Device, name: &str) -> bool {
+    let cases = cases();
+    let case = cases.iter().find(|case| case.name == name).expect("a case of that name");
+    (case.run)(device).is_ok()
+}
+
+#[test]
+fn an_honest_device_passes() {
+    let errors: Vec<_> =
+        cases().into_iter().filter_map(|c| (c.run)(&FakeDevice::honest()).err().map(|e| (c.name, e))).collect();
+    assert!(errors.is_empty(), "{errors:#?}");
+}
+
+#[test]
+fn a_null_device_fails_every_case_about_hits() {
+    for case in [
+        "equals_brute_force",
+        "any_hit_equals_brute_force",
+        "fast_is_nearly_right",
+        "lowest_id_wins_ties",
+        "closed_sphere_does_not_leak",
+        "origin_primitive_is_left_out",
+        "limits_are_inclusive",
+        "invalid_rays_miss",
+        "directions_have_any_length",
+        "signs_of_zero_do_not_matter",
+        "offsets_of_a_million_are_right",
+        "camera_rays_equal_explicit_rays",
+        "counts_are_the_trees_own",
+    ] {
+        assert!(!passes(&FakeDevice::null(), case), "a device that never hits passes {case}");
+    }
+}
+
+#[test]
+fn every_flaw_is_found_out() {
+    for flaw in Flaw::ALL {
+        let expected = match flaw {
+            Flaw::Misses => "equals_brute_force",
+            Flaw::WrongTie => "lowest_id_wins_ties",
+            Flaw::IgnoresOrigins => "origin_primitive_is_left_out",
+            Flaw::IgnoresLimit => "limits_are_inclusive",
+            Flaw::IgnoresMask => "masked_rays_are_left_out",
+            Flaw::LosesLastRay => "any_split_gives_the_same_bits",
+            Flaw::SortsTasks => "only_asked_tasks_come_back",
+            Flaw::Miscounts => "reduced_walks_count_as_the_tree_does",
+            Flaw::Imprecise => "reports_the_defined_bits",
+            Flaw::KeepsFirstRays => "rays_can_be_replaced",
+            Flaw::AcceptsAnyTask => "wrong_calls_are_refused_and_change_nothing",
+            Flaw::AcceptsAnyNumber => "calls_against_launches_in_flight_are_refused",
+            Flaw::Lags => "launches_run_in_order",
+            Flaw::WrongClock => "launches_run_in_order",
+            Flaw::Appends => "equals_brute_force",
+            Flaw::Normalizes => "directions_have_any_length",
+        };
+        assert!(!passes(&FakeDevice::flawed(flaw), expected), "{flaw:?} passes {expected}");
+    }
+}
