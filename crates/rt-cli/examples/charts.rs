@@ -11,9 +11,9 @@ fn main() -> anyhow::Result<()> {
     let folder = Path::new(&folder);
     let runs = [
         stream(StreamKind::Primary, 0.0, &[1.0, 2.0, 4.0], 14),
-        stream(StreamKind::Shadow(0), 0.61, &[1.0, 2.0, 4.0], 700),
-        with_lost_device(stream(StreamKind::Diffuse(0), 0.9, &[1.0, 2.0, 4.0], 40)),
-        stream(StreamKind::Diffuse(1), 1.7, &[1.0; 64], 6),
+        stream(StreamKind::Shadow(0), 0.4, &[1.0, 2.0, 4.0], 700),
+        with_lost_device(stream(StreamKind::Diffuse(0), 0.95, &[1.0, 2.0, 4.0], 40)),
+        stream(StreamKind::Diffuse(1), 1.5, &[1.0; 64], 6),
     ];
     timeline::write_svg(&folder.join("timeline.svg"), &runs)?;
     trace::write_json(&folder.join("trace.json"), &runs)?;
