@@ -100,12 +100,7 @@ fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pendin
 
 /// Visits what the ray enters, front to back.
 #[inline(always)]
-fn walk<'a, V: Visitor<'a>>(
-    nodes: &[Node],
-    stack: &mut [Pending],
-    start: Pending,
-    visitor: &mut V,
-) -> ControlFlow<()> {
+fn walk<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut [Pending], start: Pending, visitor: &mut V) -> ControlFlow<()> {
     // A copy, so that the compiler knows that visiting a leaf does not change it.
     let slabs = visitor.ray().slabs;
     let mut used = 0;
