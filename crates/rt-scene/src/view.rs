@@ -3,6 +3,8 @@
 use crate::frame::frame;
 use crate::{Model, View};
 use glam::{DQuat, DVec3, Vec3};
+use rt_core::{Hit, Ray};
+use std::collections::BTreeSet;
 
 /// Vertical field of view of an automatic camera in degrees: that of a 50 mm lens on 35 mm film, held upright.
 const FOV_DEGREES: f32 = 40.0;
@@ -48,6 +50,44 @@ pub fn auto_view(model: &Model) -> View {
     View { eye: eye.as_vec3(), target: target.as_vec3(), up: Vec3::Y, fov_degrees: FOV_DEGREES }
 }
 
+/// Rays per side of the probe picture in [`interior_view`]: 24² rays tell a wall from a furnished room.
+const PROBES: u32 = 24;
+
+/// How many times more triangles a view from inside must show before it is preferred: models that look as good from
+/// outside are expected to be seen from there.
+const CLEARLY_MORE: usize = 2;
+
+/// Field of view inside a room, in degrees: as wide as pictures of rooms usually are.
+const ROOM_FOV_DEGREES: f32 = 65.0;
+
+/// Where in the frame an observer inside stands, as shares of its half-extents: near a corner, above eye height.
+const CORNER: DVec3 = DVec3::new(0.8, 0.15, 0.8);
+
+/// A view from inside the model where that shows clearly more of it than `outside` does: rooms, of which the outside
+/// is a few bare walls. `probe` traces one ray and returns its nearest hit.
+///
+/// "More" is the number of different triangles that a coarse grid of rays meets.
+#[must_use]
+pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) -> Hit) -> Option<View> {
+    let (low, high) = frame(model)?;
+    let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let corner = |i: u8| {
+        let sign = |bit: u8| if i & bit == 0 { -1.0 } else { 1.0 };
+        let eye = middle + half * CORNER * DVec3::new(sign(1), 1.0, sign(2));
+        // A little below the middle, where rooms are furnished.
+        let target = middle - DVec3::Y * (half.y * 0.3);
+        View { eye: eye.as_vec3(), target: target.as_vec3(), up: Vec3::Y, fov_degrees: ROOM_FOV_DEGREES }
+    };
+    let mut seen = |view: &View| -> usize {
+        let Ok(camera) = view.camera() else { return 0 };
+        let at = |i: u32| (i as f32 + 0.5) / PROBES as f32;
+        let rays = (0..PROBES * PROBES).map(|i| camera.ray(at(i % PROBES), at(i / PROBES), 1.0));
+        rays.map(|ray| probe(&ray).primitive).filter(|&p| p != Hit::MISS.primitive).collect::<BTreeSet<_>>().len()
+    };
+    let (count, best) = (0..4).map(corner).map(|view| (seen(&view), view)).max_by_key(|(count, _)| *count)?;
+    (count > CLEARLY_MORE * seen(outside)).then_some(best)
+}
+
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen
 /// from the camera. A full turn in `n` equal steps makes an endless animation.
 #[must_use]
@@ -67,6 +107,47 @@ mod tests {
     fn soup(corners: Vec<[Vec3; 3]>) -> Model {
         let indices = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         Model { positions: corners.concat(), indices, ..Model::default() }
+    }
+
+    /// The nearest hit with any triangle.
+    fn brute(model: &Model) -> impl FnMut(&Ray) -> Hit {
+        move |ray| {
+            let hits = (0..model.indices.len() as u32)
+                .filter_map(|id| rt_core::intersect::hit(ray, &model.triangle(id).unwrap(), id));
+            hits.fold(Hit::MISS, |best, hit| if hit.is_before(&best) { hit } else { best })
+        }
+    }
+
+    /// A box of 12 triangles around `inside`.
+    fn boxed(mut inside: Vec<[Vec3; 3]>) -> Model {
+        for axis in 0..3 {
+            for sign in [-4.0, 4.0] {
+                let corner = |a: f32, b: f32| {
+                    let mut p = Vec3::splat(sign);
+                    (p[(axis + 1) % 3], p[(axis + 2) % 3]) = (a, b);
+                    p
+                };
+                let [a, b, c, d] = [corner(-4.0, -4.0), corner(4.0, -4.0), corner(4.0, 4.0), corner(-4.0, 4.0)];
+                inside.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        soup(inside)
+    }
+
+    #[test]
+    fn rooms_are_seen_from_inside_and_things_from_outside() {
+        let small = |i: u16| {
+            let p = Vec3::new(f32::from(i % 8) - 4.0, -3.0 + f32::from(i % 3) * 0.4, f32::from(i / 8) - 4.0);
+            [p, p + Vec3::new(0.7, 0.1, 0.0), p + Vec3::new(0.1, 0.7, 0.7)]
+        };
+        let furniture: Vec<_> = (0..64).map(small).collect();
+        let room = boxed(furniture.clone());
+        let inside = interior_view(&room, &auto_view(&room), &mut brute(&room)).expect("bare walls outside");
+        assert!(inside.eye.abs().max_element() < 4.0, "{inside:?}");
+        let things = soup(furniture);
+        assert_eq!(interior_view(&things, &auto_view(&things), &mut brute(&things)), None);
+        let empty = Model::default();
+        assert_eq!(interior_view(&empty, &auto_view(&empty), &mut brute(&empty)), None);
     }
 
     /// Position in the picture: the middle is (0, 0), the borders are at ±1.
