@@ -10,7 +10,7 @@ use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
-use rt_core::{Aabb, Child, Node};
+use rt_core::{Aabb, Child, Node, random};
 
 /// Cells along an axis of the grid on which `obvhs` sorts centroids: triangles in one cell keep no order.
 const CELLS: f32 = (1 << 20) as f32;
@@ -35,15 +35,9 @@ pub(super) fn build(references: &[Reference], quality: PlocQuality, max_leaf: u3
         PlocQuality::VerySlow => BvhBuildParams::very_slow_build(),
     };
     params.max_prims_per_leaf = params.max_prims_per_leaf.min(max_leaf);
-    let boxes: Vec<_> = references
-        .iter()
-        .map(|reference| {
-            let bounds = reference.bounds();
-            obvhs::aabb::Aabb { min: Vec3A::from(bounds.min), max: Vec3A::from(bounds.max) }
-        })
-        .collect();
+    let boxes: Vec<_> = references.iter().map(untied).collect();
     let mut unused_time = core::time::Duration::ZERO;
-    Ok(convert(&build_bvh2(&boxes, params, &mut unused_time)))
+    Ok(convert(&build_bvh2(&boxes, params, &mut unused_time), references))
 }
 
 /// Whether so many centroids fall into the same cells that clustering would take forever.
@@ -74,29 +68,51 @@ fn shares_cells(references: &[Reference]) -> bool {
     pairs > MOST_SHARED * references.len() as u64
 }
 
-/// Copies a tree of one box per node into one of two boxes per node.
-fn convert(bvh: &Bvh2) -> Tree {
+/// The reference's box, grown by less than 1% and a few rounding steps, by an amount of its own.
+///
+/// Clustering joins boxes that are each other's best partner. In rows of equal boxes all partners are equally good,
+/// the ties all break the same way, and only one pair is joined in each pass: quadratic time.
+fn untied(reference: &Reference) -> obvhs::aabb::Aabb {
+    let Aabb { min, max } = reference.bounds();
+    let [random, _] = random::pair(0, reference.triangle, 0);
+    let growth = ((max - min) * (1.0 / 128.0) + max.abs() * (1.0 / (1 << 21) as f32)) * random;
+    obvhs::aabb::Aabb { min: Vec3A::from(min), max: Vec3A::from(max + growth) }
+}
+
+/// Copies a tree of one box per node into one of two boxes per node, and fits the boxes to the references.
+fn convert(bvh: &Bvh2, references: &[Reference]) -> Tree {
     let mut nodes = vec![Node::EMPTY];
     let mut order = Vec::with_capacity(bvh.primitive_indices.len());
     // Children of `obvhs`'s nodes still to be placed: the child, and where it goes.
     let mut open = vec![(0_usize, None::<(usize, usize)>)];
     while let Some((child, parent)) = open.pop() {
         let given = &bvh.nodes[child];
-        let bounds = Aabb { min: given.aabb().min.into(), max: given.aabb().max.into() };
         let (node, side) = parent.unwrap_or((0, 0));
         if given.is_leaf() {
             let range = given.first_index as usize..(given.first_index + given.prim_count) as usize;
             let leaf = Child::Leaf { first: order.len() as u32, count: given.prim_count };
-            nodes[node].set(side, bounds, leaf);
+            nodes[node].set(side, Aabb::EMPTY, leaf);
             order.extend_from_slice(&bvh.primitive_indices[range]);
         } else {
             let index = if parent.is_some() { nodes.len() } else { 0 };
             if parent.is_some() {
                 nodes.push(Node::EMPTY);
-                nodes[node].set(side, bounds, Child::Inner(index as u32));
+                nodes[node].set(side, Aabb::EMPTY, Child::Inner(index as u32));
             }
             open.push((given.first_index as usize + 1, Some((index, 1))));
             open.push((given.first_index as usize, Some((index, 0))));
+        }
+    }
+    // Children come after their parents.
+    for node in (0..nodes.len()).rev() {
+        for side in 0..2 {
+            nodes[node].bounds[side] = match nodes[node].child(side) {
+                Child::Absent => Aabb::EMPTY,
+                Child::Inner(child) => nodes[child as usize].bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)),
+                Child::Leaf { first, count } => order[first as usize..][..count as usize]
+                    .iter()
+                    .fold(Aabb::EMPTY, |all, &i| all.union(references[i as usize].bounds())),
+            };
         }
     }
     Tree { nodes, order }

@@ -1,0 +1,170 @@
+//! Meshes that break builders, and what is said about them.
+
+mod common;
+
+use common::{Model, Random, closest, grid, nasty_rays, scene_of, soup, with};
+use glam::Vec3;
+use rt_bvh::{BuildError, BuildOptions, Builder, InvalidTriangles, Mesh, TreeStats, build};
+use rt_core::{Hit, MAX_DEPTH, Precision, Ray};
+
+/// Triangles whose boxes all have their centre at the origin.
+fn equal_centroids(count: usize) -> Model {
+    let mut random = Random::new(1);
+    let mut model = Model::default();
+    for _ in 0..count {
+        let p = random.point();
+        model.push([p, -p, Vec3::new(-p.x, p.y, p.z)]);
+    }
+    model
+}
+
+/// Triangles nested in each other, each smaller than the last by the same factor.
+fn nested(count: usize, factor: f32) -> Model {
+    let mut model = Model::default();
+    let mut size = 1.0;
+    for _ in 0..count {
+        model.push([Vec3::ZERO, Vec3::new(size, size, 0.0), Vec3::new(0.0, size, size)]);
+        size *= factor;
+    }
+    model
+}
+
+// Fails (by never ending, or by its depth) when a range without a plane is not halved, when depth is not bounded, and
+// when clustering is not kept from equal centroids.
+#[test]
+fn no_mesh_makes_a_builder_slow_or_a_tree_deep() {
+    let line = |i: u32| Vec3::splat(i as f32);
+    let mut equal = Model::default();
+    let mut colinear = Model::default();
+    let mut regular = Model::default();
+    for i in 0..20_000 {
+        let corner = Vec3::new((i % 141) as f32, (i / 141) as f32, 0.0);
+        regular.push([corner, corner + Vec3::X, corner + Vec3::Y]);
+        equal.push([Vec3::ZERO, Vec3::X, Vec3::Y]);
+        colinear.push([line(i), line(i) + Vec3::X, line(i) + Vec3::Y]);
+    }
+    let mut teapot = soup(5_000, 0.1, 2);
+    teapot.push([Vec3::splat(1e12), Vec3::splat(2e12), Vec3::new(1e12, 0.0, 0.0)]);
+    for (name, model) in [
+        ("equal triangles", equal),
+        ("equal centroids", equal_centroids(20_000)),
+        ("nested", nested(2_000, 0.96)),
+        ("nested by halves", nested(140, 0.5)),
+        ("colinear", colinear),
+        ("regular", regular),
+        ("teapot in a stadium", teapot),
+        ("grid", grid(40, 3)),
+    ] {
+        for &builder in Builder::ALL {
+            let built = build(model.mesh(), &with(builder)).expect("finite mesh");
+            let stats = TreeStats::of(&built.scene);
+            let kept = built.report.triangles - built.report.dropped_degenerate;
+            assert!(stats.depth <= MAX_DEPTH && stats.largest_leaf <= 4, "{name}, {builder}: {stats:?}");
+            assert_eq!(built.scene.triangles().len(), kept as usize, "{name}, {builder}");
+            assert_eq!(built.report.builder == builder, built.report.fallback.is_none(), "{name}, {builder}");
+        }
+    }
+}
+
+#[test]
+fn hits_in_such_meshes_are_those_of_every_triangle() {
+    for model in [equal_centroids(1_000), nested(1_000, 0.96), nested(100, 0.5)] {
+        let rays = nasty_rays(&model, 500, 4);
+        let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
+        for &builder in Builder::ALL {
+            let scene = scene_of(&model, builder);
+            for precision in [Precision::Robust, Precision::Double] {
+                for ((got, want), ray) in closest(&scene, precision, &rays).iter().zip(&expected).zip(&rays) {
+                    assert_eq!(got, want, "{builder}, {precision:?}: {ray:?}");
+                }
+            }
+        }
+    }
+}
+
+// Fails when the order of leaves decides between equal distances, or a tie is passed by.
+#[test]
+fn ties_go_to_the_lowest_id() {
+    let once = soup(200, 0.4, 5);
+    let mut model = once.clone();
+    // Three copies of each triangle, the last ones in reverse.
+    model.indices.extend(once.indices.iter().rev().chain(&once.indices));
+    let rays = nasty_rays(&once, 2_000, 6);
+    let expected = closest(&scene_of(&once, Builder::Sah), Precision::Robust, &rays);
+    for &builder in Builder::ALL {
+        let scene = scene_of(&model, builder);
+        for precision in [Precision::Robust, Precision::Double] {
+            assert_eq!(closest(&scene, precision, &rays), expected, "{builder}, {precision:?}");
+        }
+        for hit in closest(&scene, Precision::Fast, &rays) {
+            assert!(!hit.is_hit() || hit.primitive < 200, "{builder}: {hit:?}");
+        }
+    }
+}
+
+#[test]
+fn empty_meshes_make_empty_scenes() {
+    let degenerate = Model { positions: vec![Vec3::ONE; 3], indices: vec![[0, 1, 2]; 5] };
+    for model in [Model::default(), degenerate] {
+        for &builder in Builder::ALL {
+            let built = build(model.mesh(), &with(builder)).expect("nothing wrong with it");
+            assert_eq!(built.report.dropped_degenerate as usize, model.indices.len());
+            assert_eq!(built.scene.primitive_count() as usize, model.indices.len());
+            assert_eq!(TreeStats::of(&built.scene).leaves, 0);
+            for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
+                let hits = closest(&built.scene, precision, &[Ray::new(Vec3::ZERO, Vec3::ONE)]);
+                assert_eq!(hits, [Hit::MISS]);
+            }
+        }
+    }
+}
+
+#[test]
+fn bad_meshes_are_refused_with_a_reason() {
+    let mut model = soup(10, 0.3, 7);
+    model.indices[4][1] = 30;
+    let error = build(model.mesh(), &BuildOptions::default()).expect_err("there are 30 vertices");
+    assert_eq!(error, BuildError::IndexOutOfRange { triangle: 4, index: 30, vertices: 30 });
+    assert_eq!(error.to_string(), "triangle 4 names vertex 30, but there are only 30 vertices");
+
+    let mut model = soup(10, 0.3, 7);
+    model.positions[8].y = f32::NAN;
+    model.positions[20].z = f32::NEG_INFINITY;
+    let error = build(model.mesh(), &BuildOptions::default()).expect_err("two bad triangles");
+    assert_eq!(error, BuildError::NotFinite { first: 2, triangles: 2 });
+    let drop = BuildOptions { invalid: InvalidTriangles::Drop, ..BuildOptions::default() };
+    let built = build(model.mesh(), &drop).expect("dropped");
+    assert_eq!((built.report.dropped_invalid, built.scene.triangles().len()), (2, 8));
+    let rays = nasty_rays(&soup(10, 0.3, 7), 300, 8);
+    let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
+    assert_eq!(closest(&built.scene, Precision::Robust, &rays), expected);
+
+    let no_vertices = Mesh { positions: &[], indices: &[[0, 0, 0]] };
+    assert!(matches!(build(no_vertices, &drop), Err(BuildError::IndexOutOfRange { .. })));
+}
+
+#[test]
+fn leaves_are_as_small_as_asked_for() {
+    let model = soup(1_000, 0.1, 9);
+    for &builder in Builder::ALL {
+        for max_leaf in [0, 1, 2, 8, u32::MAX] {
+            let built = build(model.mesh(), &BuildOptions { max_leaf, ..with(builder) }).expect("valid");
+            assert!(TreeStats::of(&built.scene).largest_leaf <= max_leaf.max(1), "{builder}, {max_leaf}");
+        }
+    }
+}
+
+// Fails when a product of coordinates overflows or underflows on the way.
+#[test]
+fn coordinates_may_be_as_large_or_small_as_floats_are() {
+    for exponent in [-125, -100, 100, 125] {
+        let s = libm::ldexpf(1.0, exponent);
+        let model = soup(500, 0.3, 10).map(|p| p * s);
+        let rays = nasty_rays(&model, 300, 11);
+        let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
+        assert!(expected.iter().filter(|hit| hit.is_hit()).count() > 100, "2^{exponent}");
+        for &builder in Builder::ALL {
+            assert_eq!(closest(&scene_of(&model, builder), Precision::Robust, &rays), expected, "2^{exponent}");
+        }
+    }
+}
