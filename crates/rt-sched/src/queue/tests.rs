@@ -11,6 +11,7 @@ use rt_core::{CostModel, Work};
 use std::format;
 use std::string::String;
 use std::thread;
+use std::time::Instant;
 
 /// Every queue over every policy that it can start from.
 fn queues(work: &[Work], devices: &[CostModel]) -> Vec<(String, Box<dyn TaskQueue>)> {
@@ -194,12 +195,9 @@ proptest! {
     }
 }
 
-/// How often a thread yields before its test fails instead of hanging: about a second's worth.
-const PATIENCE: u32 = 3_000_000;
-
-fn wait(patience: &mut u32) {
-    *patience -= 1;
-    assert!(*patience > 0, "a task was lost: everyone waits");
+/// Lets others run; fails a test that would hang. Ten seconds are a thousand times what these runs take.
+fn wait(since: Instant) {
+    assert!(since.elapsed().as_secs() < 10, "a task was lost: everyone waits");
     thread::yield_now();
 }
 
@@ -224,11 +222,11 @@ fn every_task_runs_exactly_once_on_threads() {
                     let mut launches_left = if device < 3 { u32::MAX } else { random(10_000 + device as u32, 20) };
                     scope.spawn(move || {
                         let mut out = Vec::new();
-                        let mut patience = PATIENCE;
+                        let since = Instant::now();
                         loop {
                             match queue.pop(device, &mut out) {
                                 Pop::Done => break,
-                                Pop::Wait => wait(&mut patience),
+                                Pop::Wait => wait(since),
                                 Pop::Launch if launches_left == 0 => {
                                     queue.retire(device, &out);
                                     queue.finish(device, &out);
@@ -267,11 +265,11 @@ fn a_pop_that_overlaps_a_retire_loses_nothing() {
             let finished: Vec<AtomicU32> = (0..TASKS).map(|_| AtomicU32::new(0)).collect();
             let work_as = |device: usize| {
                 let mut out = Vec::new();
-                let mut patience = PATIENCE;
+                let since = Instant::now();
                 loop {
                     match queue.pop(device, &mut out) {
                         Pop::Done => break,
-                        Pop::Wait => wait(&mut patience),
+                        Pop::Wait => wait(since),
                         Pop::Launch => {
                             for &task in &out {
                                 finished[task as usize].fetch_add(1, Ordering::Relaxed);
