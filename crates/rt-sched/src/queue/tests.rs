@@ -10,6 +10,7 @@ use proptest::prelude::*;
 use rt_core::{CostModel, Work};
 use std::format;
 use std::string::String;
+use std::sync::Barrier;
 use std::thread;
 use std::time::Instant;
 
@@ -249,6 +250,53 @@ fn every_task_runs_exactly_once_on_threads() {
             assert!(finished.iter().all(|times| times.load(Ordering::Relaxed) == 1), "{name}, seed {seed}");
             assert!(queue.unfinished_tasks().is_empty(), "{name}, seed {seed}");
         }
+    }
+}
+
+/// Threads that pop with nothing else to do meet in the same words as often as can be.
+///
+/// Mutants, which need two processors to show: `CentralQueue::pop` that loads and stores `next`; `Slots::take_back` or
+/// `take_front` that loads and stores the range.
+#[test]
+fn threads_that_pop_at_once_share_no_task() {
+    const TASKS: usize = 500;
+    const DEVICES: usize = 4;
+    let (work, devices) = (works(&[3.0; TASKS]), models(&[1.0; DEVICES]));
+    // All is in one list, so that everybody steals.
+    let mut lists = vec![Vec::new(); DEVICES];
+    lists[0].extend(0..TASKS as TaskId);
+    let schedule = Schedule::new(lists, &work, &devices).expect("each task once");
+    let all: Vec<Box<dyn TaskQueue>> = (0..400)
+        .flat_map(|_| {
+            let hybrid: Box<dyn TaskQueue> = Box::new(HybridQueue::new(&schedule, &work, &devices));
+            let central: Box<dyn TaskQueue> = Box::new(CentralQueue::new(&work, &devices));
+            [hybrid, central]
+        })
+        .collect();
+    let start = Barrier::new(DEVICES);
+    let popped: Vec<Vec<Vec<TaskId>>> = thread::scope(|scope| {
+        let (all, start) = (&all, &start);
+        let threads: Vec<_> = (0..DEVICES)
+            .map(|device| {
+                scope.spawn(move || {
+                    let pop_all = |queue: &dyn TaskQueue| {
+                        let (mut out, mut mine) = (Vec::new(), Vec::new());
+                        start.wait();
+                        while queue.pop(device, &mut out) == Pop::Launch {
+                            mine.extend_from_slice(&out);
+                        }
+                        mine
+                    };
+                    all.iter().map(|queue| pop_all(&**queue)).collect()
+                })
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().expect("no thread panics")).collect()
+    });
+    for (run, queue) in all.iter().enumerate() {
+        let mut tasks: Vec<TaskId> = popped.iter().flat_map(|of_device| of_device[run].iter().copied()).collect();
+        tasks.sort_unstable();
+        assert!(tasks.iter().copied().eq(0..TASKS as TaskId), "run {run} of {queue:?}: {} popped", tasks.len());
     }
 }
 
