@@ -10,7 +10,9 @@ use proptest::prelude::*;
 use rt_core::{CostModel, Work};
 use std::format;
 use std::string::String;
+use std::sync::Barrier;
 use std::thread;
+use std::time::Instant;
 
 /// Every queue over every policy that it can start from.
 fn queues(work: &[Work], devices: &[CostModel]) -> Vec<(String, Box<dyn TaskQueue>)> {
@@ -194,12 +196,9 @@ proptest! {
     }
 }
 
-/// How often a thread yields before its test fails instead of hanging: about a second's worth.
-const PATIENCE: u32 = 3_000_000;
-
-fn wait(patience: &mut u32) {
-    *patience -= 1;
-    assert!(*patience > 0, "a task was lost: everyone waits");
+/// Lets others run; fails a test that would hang. Ten seconds are a thousand times what these runs take.
+fn wait(since: Instant) {
+    assert!(since.elapsed().as_secs() < 10, "a task was lost: everyone waits");
     thread::yield_now();
 }
 
@@ -224,11 +223,11 @@ fn every_task_runs_exactly_once_on_threads() {
                     let mut launches_left = if device < 3 { u32::MAX } else { random(10_000 + device as u32, 20) };
                     scope.spawn(move || {
                         let mut out = Vec::new();
-                        let mut patience = PATIENCE;
+                        let since = Instant::now();
                         loop {
                             match queue.pop(device, &mut out) {
                                 Pop::Done => break,
-                                Pop::Wait => wait(&mut patience),
+                                Pop::Wait => wait(since),
                                 Pop::Launch if launches_left == 0 => {
                                     queue.retire(device, &out);
                                     queue.finish(device, &out);
@@ -254,6 +253,53 @@ fn every_task_runs_exactly_once_on_threads() {
     }
 }
 
+/// Threads that pop with nothing else to do meet in the same words as often as can be.
+///
+/// Mutants, which need two processors to show: `CentralQueue::pop` that loads and stores `next`; `Slots::take_back` or
+/// `take_front` that loads and stores the range.
+#[test]
+fn threads_that_pop_at_once_share_no_task() {
+    const TASKS: usize = 500;
+    const DEVICES: usize = 4;
+    let (work, devices) = (works(&[3.0; TASKS]), models(&[1.0; DEVICES]));
+    // All is in one list, so that everybody steals.
+    let mut lists = vec![Vec::new(); DEVICES];
+    lists[0].extend(0..TASKS as TaskId);
+    let schedule = Schedule::new(lists, &work, &devices).expect("each task once");
+    let all: Vec<Box<dyn TaskQueue>> = (0..400)
+        .flat_map(|_| {
+            let hybrid: Box<dyn TaskQueue> = Box::new(HybridQueue::new(&schedule, &work, &devices));
+            let central: Box<dyn TaskQueue> = Box::new(CentralQueue::new(&work, &devices));
+            [hybrid, central]
+        })
+        .collect();
+    let start = Barrier::new(DEVICES);
+    let popped: Vec<Vec<Vec<TaskId>>> = thread::scope(|scope| {
+        let (all, start) = (&all, &start);
+        let threads: Vec<_> = (0..DEVICES)
+            .map(|device| {
+                scope.spawn(move || {
+                    let pop_all = |queue: &dyn TaskQueue| {
+                        let (mut out, mut mine) = (Vec::new(), Vec::new());
+                        start.wait();
+                        while queue.pop(device, &mut out) == Pop::Launch {
+                            mine.extend_from_slice(&out);
+                        }
+                        mine
+                    };
+                    all.iter().map(|queue| pop_all(&**queue)).collect()
+                })
+            })
+            .collect();
+        threads.into_iter().map(|thread| thread.join().expect("no thread panics")).collect()
+    });
+    for (run, queue) in all.iter().enumerate() {
+        let mut tasks: Vec<TaskId> = popped.iter().flat_map(|of_device| of_device[run].iter().copied()).collect();
+        tasks.sort_unstable();
+        assert!(tasks.iter().copied().eq(0..TASKS as TaskId), "run {run} of {queue:?}: {} popped", tasks.len());
+    }
+}
+
 /// A device that is retired by one thread while another pops for it: what was popped can still be finished, and
 /// nothing that was reserved for it is lost.
 ///
@@ -267,11 +313,11 @@ fn a_pop_that_overlaps_a_retire_loses_nothing() {
             let finished: Vec<AtomicU32> = (0..TASKS).map(|_| AtomicU32::new(0)).collect();
             let work_as = |device: usize| {
                 let mut out = Vec::new();
-                let mut patience = PATIENCE;
+                let since = Instant::now();
                 loop {
                     match queue.pop(device, &mut out) {
                         Pop::Done => break,
-                        Pop::Wait => wait(&mut patience),
+                        Pop::Wait => wait(since),
                         Pop::Launch => {
                             for &task in &out {
                                 finished[task as usize].fetch_add(1, Ordering::Relaxed);
