@@ -117,7 +117,7 @@ fn back(mesh: &mut Mesh, table: &[Vec3], [z0, z1]: [f32; 2], [y0, y1]: [f32; 2],
     mesh.grid(
         [8, 16],
         |row, column| {
-            let z = z0 + (z1 - z0) * column as f32 / 16.0;
+            let z = z1 - (z1 - z0) * column as f32 / 16.0;
             let y = y0 + (y1 - y0) * row as f32 / 8.0;
             Vec3::new(face(table, y, z) - 0.09, y, z)
         },
@@ -131,7 +131,7 @@ fn splitter(mesh: &mut Mesh, paint: &Paint) {
     mesh.grid(
         [4, columns],
         |row, column| {
-            let s = column as f32 / columns as f32;
+            let s = 1.0 - column as f32 / columns as f32;
             let z = 0.86 * s;
             let x = 2.20 - 0.10 * s * s - 0.42 * libm::powf(s, 6.0);
             let [out, y] = [[-0.25, 0.165], [0.03, 0.165], [0.04, 0.172], [0.03, 0.18], [-0.25, 0.185]][row as usize];

@@ -109,7 +109,7 @@ fn gutter(mesh: &mut Mesh, paint: &Paint, side: f32) {
         [24, 8],
         |row, column| {
             let (c, s) = circle(PI * column as f32 / 8.0);
-            middle + Vec3::new((row as f32 / 24.0 - 0.5) * length, -radius * s, -radius * c)
+            middle + Vec3::new((row as f32 / 24.0 - 0.5) * length, -radius * s, radius * c)
         },
         |_, _| paint.zinc,
     );
