@@ -49,7 +49,8 @@ pub(super) fn footprint(x: f32, z: f32) -> f32 {
 
 /// Adds the left half of the cabin.
 pub(super) fn half_cabin(mesh: &mut Mesh, paint: &Paint) {
-    let us: Vec<f32> = (0..=STRIPS[0]).map(|i| PI * i as f32 / STRIPS[0] as f32).collect();
+    // From the rear, so that the outside is outside.
+    let us: Vec<f32> = (0..=STRIPS[0]).rev().map(|i| PI * i as f32 / STRIPS[0] as f32).collect();
     // Finer towards the roof, where the shell turns level.
     let vs: Vec<f32> = (0..=STRIPS[1])
         .map(|j| {

@@ -92,7 +92,7 @@ fn door_card(mesh: &mut Mesh, paint: &Paint, side: f32) {
         [16, 40],
         |row, column| {
             let [t, s] = [row as f32 / 16.0, column as f32 / 40.0];
-            let x = -1.45 + 2.40 * s;
+            let x = if side > 0.0 { 0.95 - 2.40 * s } else { -1.45 + 2.40 * s };
             // Bows outwards in the middle, and has a ledge at armrest height.
             let ledge = 0.035 * bump(0.6, 0.09, t);
             let z = 0.70 + 0.035 * libm::sinf(PI * t) - ledge;
@@ -147,17 +147,17 @@ fn seat(mesh: &mut Mesh, paint: &Paint, at: &Frame, size: f32) {
 
 /// Adds the dashboard: a swept section, a binnacle with two dials before the driver, vents.
 fn dashboard(mesh: &mut Mesh, paint: &Paint) {
-    /// Section in (x, y), from below the windscreen over the top and down towards the knees.
+    /// Section in (x, y), from the knees up and over the top to below the windscreen.
     const SECTION: [[f32; 2]; 9] = [
-        [1.00, 0.80],
-        [0.86, 0.835],
-        [0.72, 0.84],
-        [0.62, 0.825],
-        [0.585, 0.795],
-        [0.59, 0.75],
-        [0.62, 0.68],
-        [0.66, 0.58],
         [0.74, 0.48],
+        [0.66, 0.58],
+        [0.62, 0.68],
+        [0.59, 0.75],
+        [0.585, 0.795],
+        [0.62, 0.825],
+        [0.72, 0.84],
+        [0.86, 0.835],
+        [1.00, 0.80],
     ];
     mesh.grid(
         [8, 48],
@@ -167,7 +167,7 @@ fn dashboard(mesh: &mut Mesh, paint: &Paint) {
             // The ends curve towards the doors.
             Vec3::new(x - 0.12 * s * s * s * s, y - 0.03 * s * s, 0.68 * s)
         },
-        |row, _| if row < 4 { paint.leather_dark } else { paint.leather },
+        |row, _| if row < 4 { paint.leather } else { paint.leather_dark },
     );
     let driver = 0.37;
     let hood = Frame::at(Vec3::new(0.63, 0.845, driver));
@@ -204,7 +204,7 @@ fn steering_wheel(mesh: &mut Mesh, paint: &Paint) {
             let (c, s) = circle(TAU * (row % ring) as f32 / ring as f32);
             let (u, v) = circle(TAU * (column % 14) as f32 / 14.0);
             let r = RADIUS + 0.0145 * u;
-            frame.point(Vec3::new(r * s, 0.0145 * v, r * c))
+            frame.point(Vec3::new(r * s, -0.0145 * v, r * c))
         },
         |_, _| paint.leather_dark,
     );

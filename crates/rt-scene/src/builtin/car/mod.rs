@@ -25,11 +25,12 @@ pub(super) fn build() -> Model {
     let mut half = Mesh::default();
     body::half_body(&mut half, &paint);
     cabin::half_cabin(&mut half, &paint);
-    nose::half_nose(&mut half, &paint);
+    let face = nose::Face::new();
+    nose::half_nose(&mut half, &paint, &face);
     trim::half_trim(&mut half, &paint);
     let wheel = wheel::wheel(&paint);
     for axle in shape::AXLES {
-        // The wheel's outer face, +y of its own, looks to the left; a turn about the axle puts the caliper behind.
+        // The wheel's outer face, its own +y, looks to the left.
         let place = Frame::at(Vec3::new(axle, shape::WHEEL, TRACK)).pitched(std::f32::consts::FRAC_PI_2);
         half.append(&wheel, &place);
     }
@@ -42,13 +43,13 @@ pub(super) fn build() -> Model {
     // Pieces of wire come in sixes; the badge takes what does not divide.
     let left = TRIANGLES.saturating_sub(mesh.len() + trim::BADGE_RIM);
     trim::badge(&mut mesh, &paint, 24 + (left % TRIANGLES_PER_PIECE) as u32);
-    wires(&mut mesh, &paint);
+    wires(&mut mesh, &paint, &face);
     let view =
         View { eye: Vec3::new(4.6, 1.55, 4.3), target: Vec3::new(0.05, 0.5, 0.0), up: Vec3::Y, fov_degrees: 32.0 };
     mesh.into_model("builtin:car", palette, view)
 }
 
-/// Half the distance between the middles of the tyres.
+/// Half the distance between the middles of the tyres, in metres.
 const TRACK: f32 = 0.782;
 /// Half the side of the floor, in metres.
 const FLOOR: f32 = 150.0;
@@ -62,8 +63,8 @@ fn floor(mesh: &mut Mesh, paint: &Paint) {
 }
 
 /// Spends what is left of the triangles on the wires of the grille: the more pieces a wire has, the smoother its bow.
-fn wires(mesh: &mut Mesh, paint: &Paint) {
-    let paths = nose::wires();
+fn wires(mesh: &mut Mesh, paint: &Paint, face: &nose::Face) {
+    let paths = nose::wires(face);
     let pieces = TRIANGLES.saturating_sub(mesh.len()) / TRIANGLES_PER_PIECE;
     for (i, path) in paths.iter().enumerate() {
         let count = pieces / paths.len() + usize::from(i < pieces % paths.len());

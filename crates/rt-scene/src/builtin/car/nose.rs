@@ -8,30 +8,40 @@ use crate::builtin::mesh::{Colour, Frame, Mesh, circle};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
-/// Where the body's outermost surface is, along the car, at height `y` and distance `z` from the middle.
+/// The body's front as one sees it from ahead: for a height and a distance from the middle, where it is along the car.
 ///
-/// By search along the shell's own stations from the tip backwards.
-fn face(table: &[Vec3], y: f32, z: f32) -> f32 {
-    let mut best = [f32::MAX, HALF_LENGTH];
-    for p in table {
-        let d = (p.y - y) * (p.y - y) + (p.z - z) * (p.z - z);
-        if d < best[0] {
-            best = [d, p.x];
-        }
-    }
-    best[1]
-}
+/// A table of many points of the shell, in columns of equal distance from the middle.
+pub(super) struct Face(Vec<Vec<Vec3>>);
 
-/// A table of points of the nose.
-fn nose_points() -> Vec<Vec3> {
-    let xs = stations(800);
-    let xs = xs.iter().copied().filter(|&x| x > 1.5);
-    xs.flat_map(|x| (0..=240).map(move |j| body(x, j as f32 / 240.0))).collect()
+/// Columns of a [`Face`] in a metre.
+const COLUMNS: f32 = 50.0;
+
+impl Face {
+    /// Tabulates the shell every 5 mm or so.
+    pub(super) fn new() -> Self {
+        let mut columns = vec![Vec::new(); COLUMNS as usize];
+        for x in stations(800).into_iter().filter(|&x| x > 1.5) {
+            for j in 0..=240 {
+                let p = body(x, j as f32 / 240.0);
+                if let Some(column) = columns.get_mut((p.z * COLUMNS) as usize) {
+                    column.push(p);
+                }
+            }
+        }
+        Self(columns)
+    }
+
+    /// Where the shell is along the car, by the nearest point of the table.
+    fn at(&self, y: f32, z: f32) -> f32 {
+        let column = (z.abs() * COLUMNS) as usize;
+        let near = self.0.iter().skip(column.saturating_sub(1)).take(3).flatten();
+        let distance = |p: &Vec3| (p.y - y) * (p.y - y) + (p.z - z.abs()) * (p.z - z.abs());
+        near.min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(HALF_LENGTH, |p| p.x)
+    }
 }
 
 /// Two crossing families of wires in the grille and the intakes; each is a path just behind the opening.
-pub(super) fn wires() -> Vec<Vec<Vec3>> {
-    let table = nose_points();
+pub(super) fn wires(face: &Face) -> Vec<Vec<Vec3>> {
     let mut paths = Vec::new();
     // Distance between wires, and how far behind the body's face they run.
     let pitch = 0.0165;
@@ -44,7 +54,7 @@ pub(super) fn wires() -> Vec<Vec<Vec3>> {
                 let z = foot + lean * (y - 0.37);
                 let p = Vec3::new(2.0, y, z.abs());
                 if grille_field(p).min(intake_field(p)) < 0.004 {
-                    path.push(Vec3::new(face(&table, y, z.abs()) - 0.022, y, z));
+                    path.push(Vec3::new(face.at(y, z) - 0.022, y, z));
                 } else if path.len() > 2 {
                     paths.push(std::mem::take(&mut path));
                 } else {
@@ -67,11 +77,10 @@ pub(super) fn along(path: &[Vec3], t: f32) -> Vec3 {
 }
 
 /// Adds the left half of what is fixed: lamps, backs of the openings, splitter.
-pub(super) fn half_nose(mesh: &mut Mesh, paint: &Paint) {
-    let table = nose_points();
+pub(super) fn half_nose(mesh: &mut Mesh, paint: &Paint, face: &Face) {
     // Two projector lamps with rings, and a row of small lights above them.
     for (y, z, r) in [(0.573, 0.565, 0.043), (0.588, 0.675, 0.043)] {
-        let x = face(&table, y, z) - 0.065;
+        let x = face.at(y, z) - 0.065;
         let lamp = Frame::along(Vec3::new(x, y, z), Vec3::new(1.0, 0.08, 0.12));
         ring(mesh, &lamp, r, paint.chrome);
         let lens: Vec<[f32; 2]> = (0..=8)
@@ -85,7 +94,7 @@ pub(super) fn half_nose(mesh: &mut Mesh, paint: &Paint) {
     for i in 0..9 {
         let z = 0.525 + 0.027 * i as f32;
         let y = 0.624 + 0.28 * (z - 0.6) - 0.008;
-        let x = face(&table, y, z) - 0.022;
+        let x = face.at(y, z) - 0.022;
         cushion(
             mesh,
             &Frame::at(Vec3::new(x, y, z)),
@@ -96,8 +105,8 @@ pub(super) fn half_nose(mesh: &mut Mesh, paint: &Paint) {
         );
     }
     // The dark backs of grille and intake, 9 cm in.
-    back(mesh, &table, [0.0, 0.50], [0.28, 0.47], paint.black);
-    back(mesh, &table, [0.55, 0.76], [0.27, 0.44], paint.black);
+    back(mesh, face, [0.0, 0.50], [0.28, 0.47], paint.black);
+    back(mesh, face, [0.55, 0.76], [0.27, 0.44], paint.black);
     splitter(mesh, paint);
 }
 
@@ -113,13 +122,13 @@ fn ring(mesh: &mut Mesh, lamp: &Frame, radius: f32, colour: Colour) {
 }
 
 /// Adds a panel that follows the nose, behind an opening.
-fn back(mesh: &mut Mesh, table: &[Vec3], [z0, z1]: [f32; 2], [y0, y1]: [f32; 2], colour: Colour) {
+fn back(mesh: &mut Mesh, face: &Face, [z0, z1]: [f32; 2], [y0, y1]: [f32; 2], colour: Colour) {
     mesh.grid(
         [8, 16],
         |row, column| {
-            let z = z0 + (z1 - z0) * column as f32 / 16.0;
+            let z = z1 - (z1 - z0) * column as f32 / 16.0;
             let y = y0 + (y1 - y0) * row as f32 / 8.0;
-            Vec3::new(face(table, y, z) - 0.09, y, z)
+            Vec3::new(face.at(y, z) - 0.09, y, z)
         },
         |_, _| colour,
     );
@@ -131,7 +140,7 @@ fn splitter(mesh: &mut Mesh, paint: &Paint) {
     mesh.grid(
         [4, columns],
         |row, column| {
-            let s = column as f32 / columns as f32;
+            let s = 1.0 - column as f32 / columns as f32;
             let z = 0.86 * s;
             let x = 2.20 - 0.10 * s * s - 0.42 * libm::powf(s, 6.0);
             let [out, y] = [[-0.25, 0.165], [0.03, 0.165], [0.04, 0.172], [0.03, 0.18], [-0.25, 0.185]][row as usize];

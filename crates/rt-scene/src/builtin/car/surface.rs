@@ -28,7 +28,7 @@ pub(super) struct Split {
 }
 
 impl Surface {
-    /// The surface `point(u, v)` over the given `u` and `v`, each ascending.
+    /// The surface `point(u, v)` over the given `u` and `v`. Seen from outside, `u` runs to the right where `v` runs up.
     pub(super) fn loft(us: &[f32], vs: &[f32], point: impl Fn(f32, f32) -> Vec3) -> Self {
         let mut surface = Self::default();
         for &u in us {
@@ -150,4 +150,49 @@ pub(super) fn flange(mesh: &mut Mesh, seam: &[[Vec3; 2]], colour: Colour, to: im
 pub(super) fn rounded(p: Vec2, centre: Vec2, half: Vec2, radius: f32) -> f32 {
     let q = (p - centre).abs() - half + radius;
     q.max(Vec2::ZERO).length() + q.max_element().min(0.0) - radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn area(surface: &Surface) -> f32 {
+        let corner = |i: u32| surface.points[i as usize];
+        let twice = |&[a, b, c]: &[u32; 3]| (corner(b) - corner(a)).cross(corner(c) - corner(a)).z;
+        surface.triangles.iter().map(twice).sum::<f32>() * 0.5
+    }
+
+    fn square() -> Surface {
+        let steps: Vec<f32> = (0..=20).map(|i| i as f32 * 0.1 - 1.0).collect();
+        Surface::loft(&steps, &steps, |u, v| Vec3::new(u, v, 0.0))
+    }
+
+    // Fails when a piece of a cut triangle is lost, doubled or turned over.
+    #[test]
+    fn a_cut_keeps_the_area_and_the_orientation() {
+        let split = square().split(|p, _| p.length() - 0.7);
+        let (outside, inside) = (area(&split.outside), area(&split.inside));
+        assert!((outside + inside - 4.0).abs() < 1e-4, "{outside} {inside}");
+        assert!((inside - std::f32::consts::PI * 0.49).abs() < 0.02, "{inside}");
+    }
+
+    // Fails when the seam's edges of inner and outer corners are not turned alike.
+    #[test]
+    fn the_seam_goes_round_the_hole_once() {
+        let split = square().split(|p, _| p.length() - 0.7);
+        let length: f32 = split.seam.iter().map(|[a, b]| a.distance(*b)).sum();
+        assert!((length - std::f32::consts::TAU * 0.7).abs() < 0.05, "{length}");
+        // The outside is on the left, so the hole is circled clockwise.
+        assert!(split.seam.iter().all(|[a, b]| a.cross(*b).z < 0.0));
+    }
+
+    // Fails when bands thinner than a triangle are cut without scoring their middle first.
+    #[test]
+    fn a_scored_line_can_be_cut_out_as_a_thin_band() {
+        let mut surface = square();
+        let line = |p: Vec3| p.x + 0.3 * p.y - 0.123;
+        surface.score(|p, _| line(p));
+        let band = surface.split(|p, _| line(p).abs() - 0.01).inside;
+        assert!((area(&band) - 2.0 * 0.02).abs() < 0.01, "{}", area(&band));
+    }
 }

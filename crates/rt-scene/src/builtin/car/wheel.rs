@@ -98,7 +98,7 @@ fn spoke(mesh: &mut Mesh, paint: &Paint, turn: f32, side: f32) {
             // Dished: the face falls back from the rim to the hub.
             let face = 0.088 - 0.03 * (1.0 - t) * (1.0 - t);
             let depth = 0.034 - 0.016 * t;
-            out * r + around * (u * half) + Vec3::Y * (face + depth * (v - 1.0))
+            out * r + around * (-u * half) + Vec3::Y * (face + depth * (v - 1.0))
         },
         |_, _| paint.alloy,
     );

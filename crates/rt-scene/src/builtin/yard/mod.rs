@@ -128,7 +128,7 @@ fn trees(mesh: &mut Mesh, paint: &Paint) {
 fn shrubs(mesh: &mut Mesh, paint: &Paint) {
     plants::hedge(mesh, paint, [Vec3::new(-12.9, 0.0, -11.5), Vec3::new(-12.0, 1.6, -3.0)], 140.0, 131);
     let front = house::CORNER;
-    plants::climber(mesh, paint, front + Vec3::new(0.03, 0.0, 0.0), [1.7, 3.0], 1_700, 132);
+    plants::climber(mesh, paint, front + Vec3::new(0.03, 0.0, 0.0), [0.8, 3.0], 1_300, 132);
     let bushes = [
         (Vec3::new(9.9, 0.0, -6.8), Vec3::new(0.75, 0.7, 0.65), Some(5)),
         (Vec3::new(1.3, 0.0, -7.1), Vec3::new(0.7, 0.6, 0.6), Some(3)),

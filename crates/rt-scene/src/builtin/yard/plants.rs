@@ -85,7 +85,7 @@ fn blossom_head(mesh: &mut Mesh, dice: &mut Dice, at: Vec3, facing: Vec3, length
 /// Adds a clipped hedge: leaves all over a box with a dark core. Lower and upper corner, and leaves per square metre.
 pub(super) fn hedge(mesh: &mut Mesh, paint: &Paint, [low, high]: [Vec3; 2], density: f32, seed: u32) {
     let mut dice = Dice::new(seed);
-    mesh.block(low + Vec3::new(0.08, 0.0, 0.08), high - Vec3::splat(0.08), paint.hedge_core);
+    mesh.block(low + Vec3::new(0.06, 0.0, 0.06), high - Vec3::new(0.06, 0.05, 0.06), paint.hedge_core);
     let size = high - low;
     // The faces one can see: the top and the two long and two short sides; the ground has none.
     let faces = [(Vec3::Y, size.x * size.z), (Vec3::X, size.y * size.z), (Vec3::Z, size.x * size.y)];
@@ -99,7 +99,7 @@ pub(super) fn hedge(mesh: &mut Mesh, paint: &Paint, [low, high]: [Vec3; 2], dens
                 let at = Vec3::new(dice.between(0.0, 1.0), dice.between(0.0, 1.0), dice.between(0.0, 1.0));
                 let face = if sign > 0.0 { high } else { low };
                 let p = (low + at * size) * (Vec3::ONE - axis) + face * axis;
-                let p = p + outwards * dice.between(-0.07, 0.02);
+                let p = p + outwards * dice.between(-0.09, 0.01);
                 let colour = dice.pick(paint.hedge);
                 loose_leaf(mesh, &mut dice, p, outwards, 0.11, colour);
             }
@@ -180,6 +180,23 @@ pub(super) fn blade(mesh: &mut Mesh, paint: &Paint, dice: &mut Dice, foot: Vec2,
             mesh.triangle([first, first + 1, first + 2], colour);
             mesh.triangle([first, first + 2, first + 3], colour);
             mesh.triangle([first + 3, first + 2, first + 4], colour);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::builtin::mesh::Palette;
+
+    // Fails when every blade has three triangles: the garden's number would then come out by luck only.
+    #[test]
+    fn a_blade_has_as_many_triangles_as_one_asks_for() {
+        let paint = Paint::new(&mut Palette::default());
+        for triangles in 1..=3 {
+            let mut mesh = Mesh::default();
+            blade(&mut mesh, &paint, &mut Dice::new(1), Vec2::ZERO, 0.3, triangles);
+            assert_eq!(mesh.len(), triangles);
         }
     }
 }

@@ -101,15 +101,15 @@ fn ridge_tiles(mesh: &mut Mesh, paint: &Paint, ridge: Vec3) {
 /// Adds a half-round gutter along the eaves, and its downpipe at the left end; `side` is 1 for the front.
 fn gutter(mesh: &mut Mesh, paint: &Paint, side: f32) {
     let drop = OVERHANG * RISE / libm::sqrtf(0.25 * DEPTH * DEPTH + RISE * RISE);
-    let out = 0.5 * DEPTH + OVERHANG * 0.5 * DEPTH / libm::sqrtf(0.25 * DEPTH * DEPTH + RISE * RISE) + 0.06;
-    let middle = CORNER + Vec3::new(0.5 * WIDTH, EAVES - drop + 0.06, -0.5 * DEPTH + side * out);
+    let out = 0.5 * DEPTH + OVERHANG * 0.5 * DEPTH / libm::sqrtf(0.25 * DEPTH * DEPTH + RISE * RISE) + 0.03;
+    let middle = CORNER + Vec3::new(0.5 * WIDTH, EAVES - drop + 0.10, -0.5 * DEPTH + side * out);
     let length = WIDTH + 2.0 * OVERHANG;
     let radius = 0.065;
     mesh.grid(
         [24, 8],
         |row, column| {
             let (c, s) = circle(PI * column as f32 / 8.0);
-            middle + Vec3::new((row as f32 / 24.0 - 0.5) * length, -radius * s, -radius * c)
+            middle + Vec3::new((row as f32 / 24.0 - 0.5) * length, -radius * s, radius * c)
         },
         |_, _| paint.zinc,
     );
