@@ -23,8 +23,9 @@ use std::path::Path;
 /// Longest header that is read, in bytes: NumPy's own limit (`max_header_size`). Ours are 118 bytes long.
 const MAX_HEADER: usize = 10_000;
 
-/// Deepest nesting of brackets in a header; a plain array needs 2. npyz's parser recurses once for each.
-const MAX_NESTING: usize = 16;
+/// Deepest nesting of brackets in a header: a plain array needs 2, records of arrays 4. The time of npyz's parser
+/// doubles with each.
+const MAX_NESTING: usize = 4;
 
 /// Rows that are read or written at once: few enough to stay in a cache, many enough for few system calls.
 const CHUNK: usize = 4096;
@@ -103,8 +104,8 @@ fn read_header(input: &mut impl Read) -> Result<NpyHeader> {
     NpyHeader::from_reader(&bytes[..]).context("its header cannot be understood")
 }
 
-/// Whether npyz can be trusted with a header: its parser recurses for every bracket, and it multiplies the lengths of
-/// a shape without looking.
+/// Whether npyz can be trusted with a header: its parser backtracks for ever in nested brackets, and it multiplies the
+/// lengths of a shape without looking.
 fn is_sane(text: &[u8]) -> bool {
     let mut quoted = false;
     let mut nesting = 0_usize;

@@ -48,10 +48,12 @@ pub(crate) const UNCOLOURED: Vec3 = Vec3::new(0.62, 0.58, 0.53);
 
 impl Model {
     /// Triangle `primitive`, or `None` beyond the last.
+    #[inline]
     #[must_use]
     pub fn triangle(&self, primitive: u32) -> Option<Triangle> {
-        let [a, b, c] = self.indices.get(primitive as usize)?.map(|i| self.positions.get(i as usize).copied());
-        Some(Triangle::new(a?, b?, c?))
+        let &[a, b, c] = self.indices.get(primitive as usize)?;
+        let point = |i: u32| self.positions.get(i as usize).copied();
+        Some(Triangle::new(point(a)?, point(b)?, point(c)?))
     }
 
     /// Diffuse colour of triangle `primitive`.

@@ -62,7 +62,7 @@ fn readable_materials_colour_their_faces() {
     let mtl = b"newmtl red brick #2\r\nKd 1 0 0\r\nKa 5\r\nillum seven\r\nmap_Kd\r\nnewmtl short\nKd 0.5\n\
         newmtl bright\nKd 7 nan 0\nnewmtl gr\xfcn\nKd 0 1 0\n";
     let text = [
-        b"mtllib a.mtl\nf 1 2 3\nusemtl red brick #2\nf 1 2 3\nusemtl short\nf 1 2 3\n" as &[u8],
+        b"mtllib a.mtl\nf 1 2 3\nusemtl red brick #2\nf 3 1 2\nusemtl short\nf 1 2 3\n" as &[u8],
         b"usemtl bright\nf 1 2 3\nusemtl gr\xfcn\nf 1 2 3\nusemtl unknown\nf 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0",
     ];
     let read = |name: &str| if name == "a.mtl" { Ok(mtl.to_vec()) } else { no_materials(name) };
@@ -70,6 +70,7 @@ fn readable_materials_colour_their_faces() {
     let grey = loaded.model.palette[0];
     let colours: Vec<Vec3> = (0..6).map(|i| loaded.model.colour(i)).collect();
     assert_eq!(colours, [grey, Vec3::X, grey, grey, Vec3::Y, grey]);
+    assert_eq!(corners(&loaded)[..2], [[Vec3::ZERO, Vec3::X, Vec3::Y], [Vec3::Y, Vec3::ZERO, Vec3::X]]);
     assert_eq!(loaded.warnings, [""; 0]);
 }
 
@@ -99,6 +100,7 @@ fn errors_name_file_line_and_remedy() {
         (with("# \nv 1 zwei 2\nf 1 2 3\n"), &["test.obj:5: 'zwei' is not a number", "correct"]),
         (with("v 1 2,5 2\nf 1 2 3\n"), &["test.obj:4: '2,5' is not a number"]),
         (b"v 1 2\xa03 4 5\nf 1 1 1\n".to_vec(), &["test.obj:1: '2?3'"]),
+        ("v 1\u{a0}1 1 1\nf 1 1 1\n".into(), &["test.obj:1: '1??1'"]),
         (
             with("v 0 nan 0\nv inf 0 0\nv 0 0 1e39\nf 1 2 4"),
             &["test.obj:4:", "3 such vertices", "without the triangles"],
@@ -110,11 +112,7 @@ fn errors_name_file_line_and_remedy() {
             assert!(error.to_string().contains(part), "{error}\n lacks {part:?}");
         }
     }
-    let options = {
-        let mut o = LoadOptions::default();
-        o.max_triangles = 2;
-        o
-    };
+    let options = LoadOptions { max_triangles: 2, ..LoadOptions::default() };
     assert!(load(with("f 1 2 3 1\n"), &options).is_ok());
     let error = load(with("f 1 2 3 1 2\n"), &options).unwrap_err().to_string();
     assert!(error.contains("test.obj: more than 2 triangles"), "{error}");
@@ -122,8 +120,7 @@ fn errors_name_file_line_and_remedy() {
 
 #[test]
 fn invalid_vertices_can_be_kept_and_are_counted() {
-    let mut options = LoadOptions::default();
-    options.drop_invalid = true;
+    let options = LoadOptions { drop_invalid: true, ..LoadOptions::default() };
     let text = format!("{TRIANGLE}v nan 0 0\nv 0 0 -inf\nf 1 2 4\nf 4 5 1\nf 3 2 1\n");
     let loaded = load(&text, &options).unwrap();
     assert_eq!((loaded.invalid_vertices, loaded.invalid_triangles), (2, 2));
@@ -166,6 +163,9 @@ fn piece() -> impl Strategy<Value = Vec<u8>> {
         "v 1 2 3\n",
         "v 0 0 1\n",
         "f 1 2 3\n",
+        "f 1 1 99999999999999999999\n",
+        "f 1/a 1/1/1/1 1\n",
+        "v 1\u{a0}1 1 1\n",
         "f -1 -2 -3\n",
         "f 1/1 2/2 3/3 4\n",
         "v",
@@ -218,13 +218,12 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
     /// Guards: no input panics, and what loads is whole. Fails when `material::clean` passes `Kd` lines through
-    /// (tobj unwraps three numbers), when `parse_index` does not saturate, and when faces keep texture indices.
+    /// (tobj unwraps three numbers), when `parse_index` does not saturate, when faces keep what follows a slash, and when names are not trimmed.
     #[test]
     fn garbage_never_panics(pieces in prop::collection::vec(piece(), 0..40), mtl in prop::collection::vec(piece(), 0..12)) {
         let (text, mtl) = (pieces.concat(), mtl.concat());
         for drop_invalid in [false, true] {
-            let mut options = LoadOptions::default();
-            options.drop_invalid = drop_invalid;
+            let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
             match load_obj_from(&text, "garbage", &options, &|_| Ok(mtl.clone()), &mut |_| {}) {
                 Ok(loaded) => {
                     let model = &loaded.model;

@@ -165,7 +165,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
     /// Guards: a spawned ray meets neither its own triangle nor a neighbour in the same plane, at every scale. Fails
-    /// when `SurfacePoint::origin` leaves out the clearance or rounds to nearest, and when the normal is not flipped.
+    /// when `SurfacePoint::origin` leaves out the clearance or rounds to nearest.
     #[test]
     fn no_self_hits_on_random_triangles(model in hinge(), seed in any::<u32>()) {
         let all = triangles(&model);
@@ -255,6 +255,24 @@ fn points_lie_where_the_parent_met_the_surface() {
         let expected = rays.ray(parent).0.at(hits[parent as usize].t);
         assert!(ray.origin.distance(expected) < 2e-6, "{} instead of {expected}", ray.origin);
     }
+}
+
+#[test]
+fn every_bounce_and_purpose_has_its_own_numbers() {
+    let model = sphere(0, 1.0, Vec3::ZERO);
+    let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 100, true);
+    // A sun of half the sky, so that its rays spread like diffuse ones.
+    let sun = Sun::new(Vec3::Y, 1.5).unwrap();
+    let directions = |seed, bounce| {
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed, bounce };
+        let direction = |ray: &Ray| ray.direction.to_array().map(f32::to_bits);
+        let [diffuse, shadow] = [spawner.diffuse(0..100), spawner.shadow(&sun, 0..100)];
+        assert!(shadow.rays.len() > 10);
+        [diffuse, shadow].map(|out| out.rays.iter().map(direction).collect::<Vec<_>>())
+    };
+    let all = [directions(1, 0), directions(1, 1), directions(1, 2), directions(2, 0)].concat().concat();
+    let distinct: std::collections::HashSet<_> = all.iter().collect();
+    assert_eq!(distinct.len(), all.len());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use core::cell::UnsafeCell;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicUsize, Ordering};
 
-/// Bytes the proof may allocate in all: a few triangles and tasks need a few thousand.
+/// Bytes the proof may allocate in all: a hundred triangles and a few hundred rays need far less.
 const HEAP: usize = 1 << 20;
 
 /// Exit code of a panic, the one that std uses.

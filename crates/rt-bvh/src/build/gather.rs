@@ -5,7 +5,7 @@ use crate::scale::{exponent, pow2, scaled};
 use crate::{InvalidTriangles, Mesh};
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
-use glam::{Vec3, Vec4};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 use rt_core::{Aabb, Triangle};
 
 /// What is left of a mesh, in local coordinates.
@@ -22,26 +22,27 @@ pub(super) struct Gathered {
     pub dropped_invalid: u32,
 }
 
-/// A triangle as builders see it: its box, and where it is in [`Gathered::triangles`]. 32 bytes, two SIMD words.
+/// A triangle as builders see it: its box, and where it is in [`Gathered::triangles`]. 32 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Reference {
     min: Vec3,
-    pub triangle: u32,
     max: Vec3,
+    pub triangle: u32,
     unused: u32,
 }
 
 impl Reference {
     fn new(bounds: Aabb, triangle: u32) -> Self {
-        Self { min: bounds.min, triangle, max: bounds.max, unused: 0 }
+        Self { min: bounds.min, max: bounds.max, triangle, unused: 0 }
     }
 
-    /// The box's smallest and largest corner; the fourth lanes mean nothing.
+    /// The box's smallest and largest corner. The fourth lanes mean nothing, but are coordinates too: a triangle number
+    /// there would be a subnormal, with which processors are slow.
     #[inline]
     pub(super) fn corners(&self) -> [Vec4; 2] {
-        let [a, b]: [[f32; 4]; 2] = bytemuck::cast(*self);
-        [Vec4::from_array(a), Vec4::from_array(b)]
+        let words: &[f32; 8] = bytemuck::cast_ref(self);
+        [Vec4::from_slice(&words[0..4]), Vec4::from_slice(&words[2..6]).yzwx()]
     }
 
     /// Twice the box's centre along an axis: builders only compare centroids.

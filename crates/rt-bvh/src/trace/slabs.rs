@@ -26,7 +26,7 @@
 //! distance that is not smaller.
 
 use crate::scale::{exponent, pow2, scaled};
-use glam::{Vec3, Vec3A};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 use rt_core::{Aabb, Node, Ray, Scene};
 
 /// Smallest magnitude of a direction's component, where the largest is at least 1: the reciprocal times any distance in
@@ -56,14 +56,15 @@ pub(super) struct LocalRay {
     pub slabs: Slabs,
 }
 
-/// What the box test knows of a ray.
+/// What the box test knows of a ray: constants for the twelve planes of two boxes, in the order in which a [`Node`]
+/// stores them. Three SIMD words of four planes, where three axes would leave a lane of each word idle.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slabs {
-    /// The origin, moved up: for the lower planes of boxes.
-    up: Vec3A,
-    /// The origin, moved down: for the upper planes.
-    down: Vec3A,
-    reciprocal: Vec3A,
+    /// The origin, moved up for the lower planes of a box and down for its upper planes.
+    origin: [Vec4; 3],
+    reciprocal: [Vec4; 3],
+    /// +∞ for planes through which the ray enters, −∞ for those through which it leaves; grouped as in `enter`.
+    entering: [Vec4; 3],
     /// Where the ray begins.
     tmin: f32,
 }
@@ -85,7 +86,7 @@ impl Frame {
     }
 
     /// The ray in local coordinates; `None` when it is invalid, or starts unreachably far away.
-    #[inline]
+    #[inline(always)]
     pub(super) fn localize(&self, ray: &Ray) -> Option<LocalRay> {
         if !ray.is_valid() {
             return None;
@@ -105,12 +106,7 @@ impl Frame {
         // 2⁻⁴¹ is u · 2⁻¹⁷.
         let pad = (reaches * 8.0 + origin.abs() * 4.0 + reach * (1.0 / (1 << 17) as f32)) * U;
         let clamped = direction.abs().max(Vec3::splat(SMALLEST)).copysign(direction);
-        let slabs = Slabs {
-            up: Vec3A::from(origin + pad),
-            down: Vec3A::from(origin - pad),
-            reciprocal: Vec3A::from(clamped.recip()),
-            tmin: (f64::from(ray.tmin) * t_unscale) as f32,
-        };
+        let slabs = Slabs::new([origin + pad, origin - pad], clamped.recip(), (f64::from(ray.tmin) * t_unscale) as f32);
         Some(LocalRay {
             given: *ray,
             origin,
@@ -133,41 +129,58 @@ impl LocalRay {
 }
 
 impl Slabs {
+    #[inline]
+    fn new(origin: [Vec3; 2], reciprocal: Vec3, tmin: f32) -> Self {
+        // 0 where the ray goes up: it enters through the lower plane.
+        let down = reciprocal.cmplt(Vec3::ZERO);
+        let lower = Vec3::select(down, Vec3::NEG_INFINITY, Vec3::INFINITY);
+        Self {
+            origin: planes(origin),
+            reciprocal: planes([reciprocal; 2]),
+            entering: by_box(planes([lower, -lower])),
+            tmin,
+        }
+    }
+
     /// Where the ray enters each child of a node that has two; `None` for one it does not enter before `limit`.
     #[inline(always)]
     pub(super) fn enter_children(&self, node: &Node, limit: f32) -> [Option<f32>; 2] {
-        // Corner by corner; the fourth word of each slice is ignored.
-        let words: &[f32; 16] = bytemuck::cast_ref(node);
-        [
-            self.enter_corners(Vec3A::from_slice(&words[0..4]), Vec3A::from_slice(&words[3..7]), limit),
-            self.enter_corners(Vec3A::from_slice(&words[6..10]), Vec3A::from_slice(&words[9..13]), limit),
-        ]
+        self.enter_two(&node.bounds, limit)
     }
 
     /// Where the ray enters a box that is not empty; `None` if it does not before `limit`.
     #[inline]
     pub(super) fn enter(&self, bounds: &Aabb, limit: f32) -> Option<f32> {
-        self.enter_corners(bounds.min.into(), bounds.max.into(), limit)
+        self.enter_two(&[*bounds; 2], limit)[0]
     }
 
     #[inline(always)]
-    fn enter_corners(&self, min: Vec3A, max: Vec3A, limit: f32) -> Option<f32> {
-        let lower = (min - self.up) * self.reciprocal;
-        let upper = (max - self.down) * self.reciprocal;
-        let near = greater(lower.min(upper).max_element(), self.tmin);
-        let far = lesser(lower.max(upper).min_element(), limit);
-        (near <= far).then_some(near)
+    fn enter_two(&self, bounds: &[Aabb; 2], limit: f32) -> [Option<f32>; 2] {
+        let planes: &[f32; 12] = bytemuck::cast_ref(bounds);
+        let t = by_box(core::array::from_fn(|i| {
+            (Vec4::from_slice(&planes[4 * i..4 * i + 4]) - self.origin[i]) * self.reciprocal[i]
+        }));
+        // Lanes 0 and 1 belong to the first box, 2 and 3 to the second. A plane that is not of the kind looked for
+        // becomes the identity of the maximum or minimum.
+        let near: [Vec4; 3] = core::array::from_fn(|i| t[i].min(self.entering[i]));
+        let far: [Vec4; 3] = core::array::from_fn(|i| t[i].max(self.entering[i]));
+        let near = near[0].max(near[1]).max(near[2]);
+        let far = far[0].min(far[1]).min(far[2]);
+        let near = near.max(near.yxwz()).max(Vec4::splat(self.tmin));
+        let far = far.min(far.yxwz()).min(Vec4::splat(limit));
+        let entered = near.cmple(far).bitmask();
+        [(entered & 1 != 0).then_some(near.x), (entered & 4 != 0).then_some(near.z)]
     }
 }
 
-/// The greater of two numbers that are not NaN: one instruction.
-#[inline(always)]
-fn greater(a: f32, b: f32) -> f32 {
-    if a > b { a } else { b }
+/// A value for each of the twelve planes of two boxes, given those of a lower and an upper corner.
+#[inline]
+fn planes([l, u]: [Vec3; 2]) -> [Vec4; 3] {
+    [Vec4::new(l.x, l.y, l.z, u.x), Vec4::new(u.y, u.z, l.x, l.y), Vec4::new(l.z, u.x, u.y, u.z)]
 }
 
-/// The lesser of two numbers that are not NaN: one instruction.
+/// Regroups twelve planes so that the first box has lanes 0 and 1 of each word, and the second lanes 2 and 3.
 #[inline(always)]
-fn lesser(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
+fn by_box([a, b, c]: [Vec4; 3]) -> [Vec4; 3] {
+    [Vec4::new(a.x, a.y, c.x, c.y), b, Vec4::new(a.z, a.w, c.z, c.w)]
 }

@@ -24,7 +24,7 @@
 
 use super::slabs::{LocalRay, U};
 use core::ops::ControlFlow;
-use glam::Vec3;
+use glam::{Vec3, Vec3A, Vec3Swizzles};
 use rt_core::Triangle;
 use rt_core::intersect::{Intersection, Shear, shear_axes};
 
@@ -156,26 +156,18 @@ impl Robust {
     /// Whether the line certainly misses the triangle.
     #[inline(always)]
     fn misses<const X: usize, const Y: usize, const Z: usize>(&self, triangle: &Triangle) -> bool {
-        let [[ax, ay], [bx, by], [cx, cy]] = triangle.vertices().map(|vertex| {
-            let p = (vertex - self.origin).to_array();
-            [p[X] - self.shear[0] * p[Z], p[Y] - self.shear[1] * p[Z]]
-        });
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
-        let largest_x = greatest(ax.abs(), bx.abs(), cx.abs());
-        let largest_y = greatest(ay.abs(), by.abs(), cy.abs());
-        let error = (largest_x + largest_y + self.floor) * self.error;
+        // Lane by vertex. An edge function is named by the vertex opposite to its edge.
+        let axis = |axis: usize| {
+            let [a, b, c] = triangle.vertices().map(|p| p.to_array());
+            Vec3A::new(a[axis], b[axis], c[axis]) - Vec3A::splat(self.origin[axis])
+        };
+        let (x, y, z) = (axis(X), axis(Y), axis(Z));
+        let (x, y) = (x - z * self.shear[0], y - z * self.shear[1]);
+        let edges = x.zxy() * y.yzx() - y.zxy() * x.yzx();
+        let error = (x.abs().max_element() + y.abs().max_element() + self.floor) * self.error;
         // False for NaN, which only an overflow can have made.
-        (u < -error || v < -error || w < -error) && (u > error || v > error || w > error)
+        edges.cmplt(Vec3A::splat(-error)).any() && edges.cmpgt(Vec3A::splat(error)).any()
     }
-}
-
-/// The greatest of three numbers.
-#[inline(always)]
-fn greatest(a: f32, b: f32, c: f32) -> f32 {
-    let d = if a > b { a } else { b };
-    if d > c { d } else { c }
 }
 
 /// T. Möller and B. Trumbore, *Fast, Minimum Storage Ray/Triangle Intersection* (1997), in single precision.

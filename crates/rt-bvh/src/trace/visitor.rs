@@ -20,16 +20,14 @@ pub(super) struct Nearest<'a, T, const ANY: bool, const COUNT: bool> {
 
 impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Nearest<'a, T, ANY, COUNT> {
     #[inline]
-    fn begin(scene: &'a Scene, ray: &LocalRay, excluded: u32) -> Self {
-        Self {
-            scene,
-            ray: *ray,
-            excluded,
-            test: T::new(ray),
-            best: Hit::MISS,
-            limit: ray.local_distance(ray.given.tmax),
-            counts: TestCounts::default(),
-        }
+    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
+        let (test, limit) = (T::new(&ray), ray.local_distance(ray.given.tmax));
+        Self { scene, ray, excluded, test, best: Hit::MISS, limit, counts: TestCounts::default() }
+    }
+
+    #[inline(always)]
+    fn ray(&self) -> &LocalRay {
+        &self.ray
     }
 
     #[inline(always)]
@@ -82,14 +80,20 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
 
 /// Counts tests and touches no triangle; with `CUT` it takes the first leaf it enters for a hit.
 pub(super) struct Reduced<const CUT: bool> {
+    ray: LocalRay,
     limit: f32,
     counts: TestCounts,
 }
 
 impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
     #[inline]
-    fn begin(_scene: &'a Scene, ray: &LocalRay, _excluded: u32) -> Self {
-        Self { limit: ray.local_distance(ray.given.tmax), counts: TestCounts::default() }
+    fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
+        Self { limit: ray.local_distance(ray.given.tmax), ray, counts: TestCounts::default() }
+    }
+
+    #[inline(always)]
+    fn ray(&self) -> &LocalRay {
+        &self.ray
     }
 
     #[inline(always)]

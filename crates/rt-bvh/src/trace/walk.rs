@@ -8,7 +8,10 @@ use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 /// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
 pub(super) trait Visitor<'a>: Sized {
     /// Begins a ray that must not hit the primitive `excluded`.
-    fn begin(scene: &'a Scene, ray: &LocalRay, excluded: u32) -> Self;
+    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
+
+    /// The ray.
+    fn ray(&self) -> &LocalRay;
 
     /// So many boxes are tested.
     fn boxes(&mut self, count: u32);
@@ -76,11 +79,11 @@ where
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
-        let mut visitor = V::begin(scene, &ray, excluded);
-        let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &ray, &mut visitor) };
+        let mut visitor = V::begin(scene, ray, excluded);
+        let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &mut visitor) };
         if let Some(start) = start {
             // The visitor leaves the loop early when it knows the answer.
-            let _ = walk(nodes, &mut stack.entries, start, &ray, &mut visitor);
+            let _ = walk(nodes, &mut stack.entries, start, &mut visitor);
         }
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
@@ -88,23 +91,18 @@ where
 }
 
 /// Enters a root that lacks a child: the loop below trusts that every node has two.
-fn enter_part<'a, V: Visitor<'a>>(root: &Node, ray: &LocalRay, visitor: &mut V) -> Option<Pending> {
+fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pending> {
     let side = (0..2).find(|&side| root.child(side) != Child::Absent)?;
     visitor.boxes(1);
-    let entry = ray.slabs.enter(&root.bounds[side], visitor.limit())?;
+    let entry = visitor.ray().slabs.enter(&root.bounds[side], visitor.limit())?;
     Some(Pending { child: root.child[side], count: root.count[side], entry })
 }
 
 /// Visits what the ray enters, front to back.
 #[inline(always)]
-fn walk<'a, V: Visitor<'a>>(
-    nodes: &[Node],
-    stack: &mut [Pending],
-    start: Pending,
-    ray: &LocalRay,
-    visitor: &mut V,
-) -> ControlFlow<()> {
-    let slabs = ray.slabs;
+fn walk<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut [Pending], start: Pending, visitor: &mut V) -> ControlFlow<()> {
+    // A copy, so that the compiler knows that visiting a leaf does not change it.
+    let slabs = visitor.ray().slabs;
     let mut used = 0;
     let mut next = start;
     loop {

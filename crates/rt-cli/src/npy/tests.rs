@@ -65,10 +65,10 @@ fn a_file_that_ends_early_is_refused() {
     assert!(refusal(&npy(&dict("<f4", "False", "(4294967295, 8)"), &[0; 64])).contains("4294967295"));
 }
 
-// Fails when `is_sane` accepts everything: npyz overflows its stack on the first and its product on the second.
+// Fails when `is_sane` accepts everything: npyz does not come back from the first and overflows on the second.
 #[test]
 fn hostile_headers_are_refused() {
-    refusal(&npy(&"(".repeat(9_000), &[]));
+    refusal(&npy(&format!("{}{}", "[".repeat(4_900), "]".repeat(4_900)), &[]));
     refusal(&npy(&dict("<f4", "False", "(4294967296, 4294967296, 4294967296)"), &[]));
     refusal(&npy(&dict("<f4", "False", "(0xffffffffffff, 0xffffffffffff)"), &[]));
     let mut long = npy(&dict("<f4", "False", "(1, 8)"), &[0; 32]);

@@ -29,7 +29,6 @@ use std::path::Path;
 
 /// What a loader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
 pub struct LoadOptions {
     /// Accept vertices that are NaN, infinite or beyond single precision. Their triangles stay in [`Model::indices`],
     /// so that every other triangle keeps its number; the builder of the tree leaves them out. Otherwise such a file
@@ -65,7 +64,7 @@ pub struct Loaded {
 
 /// Loads the OBJ file at `path`, with the material files that it names where they can be read.
 ///
-/// Needs about seven times the file's size in memory while it runs. `progress` is called every few megabytes.
+/// Needs about nine times the file's size in memory while it runs, the parser's lists included. `progress` is called every few megabytes.
 ///
 /// # Errors
 /// When the file cannot be read, is not an OBJ file, or has defects; the error names the file and the line.

@@ -64,7 +64,7 @@ mod tests {
     }
 
     proptest! {
-        /// Guards: a right-angled frame for every normal. Fails with `signum` of a sum instead of `copysign(n.z)`.
+        /// Guards: a right-angled frame for every normal. Fails with a sign that is always 1.
         #[test]
         fn basis_is_orthonormal(n in unit_vector()) {
             let (t, b) = basis(n);

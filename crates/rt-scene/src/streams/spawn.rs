@@ -111,8 +111,8 @@ impl Spawner<'_> {
         self.spawn(range, 1, |point, uniform| Some(cosine_weighted(point.normal, uniform).as_vec3()))
     }
 
-    /// For every hit of the rays `range` whose seen side faces the sun, a ray towards a random point of the sun: a
-    /// question for [`rt_core::Query::Any`].
+    /// For every hit of the rays `range`, a ray towards a random point of the sun, where the seen side faces that point:
+    /// a question for [`rt_core::Query::Any`].
     ///
     /// A `range` beyond the rays or hits is cut; the whole stream is `0..hits.len()`.
     #[must_use]
@@ -120,7 +120,7 @@ impl Spawner<'_> {
         self.spawn(range, 2, |point, uniform| {
             // At sunset only a part of the disc is above the surface: rays to the rest are left out.
             let direction = sun.sample(uniform).as_vec3();
-            let above = point.normal.dot(sun.direction) > 0.0 && point.normal.dot(direction.as_dvec3()) > LEAST_COSINE;
+            let above = point.normal.dot(direction.as_dvec3()) > LEAST_COSINE;
             above.then_some(direction)
         })
     }

@@ -9,9 +9,11 @@
 
 mod history;
 mod sampled;
+#[cfg(test)]
+mod tests;
 
 pub use history::History;
-pub use sampled::Sampled;
+pub use sampled::{Sampled, interval_95};
 
 use rt_core::{CostEstimator, Observation, RayStream, Step, Work};
 

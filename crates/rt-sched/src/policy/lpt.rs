@@ -1,6 +1,7 @@
 //! Longest processing time first.
 
-use super::{Policy, dearest_first};
+use super::loads::{FEW, Loads, SortedLoads, WinnerTree};
+use super::{Policy, dearest_first, mean_model, seconds, total};
 use crate::Schedule;
 use alloc::collections::BTreeMap;
 use alloc::vec;
@@ -41,23 +42,31 @@ impl Policy for Lpt {
 /// All devices have one cost model: the cost in the rank is all that is needed, and reading the work again, in sorted
 /// order, would miss the cache.
 fn equal(work: &[Work], devices: usize, model: &CostModel) -> Schedule {
+    let bits = bits_for(devices);
+    let empty: Vec<u64> = (0..devices as u64).collect();
+    if devices <= FEW {
+        deal(work, devices, model, SortedLoads::new(&empty, bits))
+    } else {
+        deal(work, devices, model, WinnerTree::new(&empty))
+    }
+}
+
+fn deal<L: Loads>(work: &[Work], devices: usize, model: &CostModel, mut loads: L) -> Schedule {
     let ranking = dearest_first(work.iter().map(|w| model.seconds(w)));
     let bits = bits_for(devices);
     let mask = (1 << bits) - 1;
-    let empty: Vec<u64> = (0..devices as u64).collect();
-    let mut tree = WinnerTree::new(&empty);
     // An eighth more than the mean, so that few lists grow and little memory is wasted.
     let capacity = work.len() / devices * 9 / 8 + 1;
     let mut lists: Vec<Vec<TaskId>> = (0..devices).map(|_| Vec::with_capacity(capacity)).collect();
     for task in ranking.order {
         // One unit more than the cost, so that tasks that cost nothing are dealt evenly. Cannot wrap below 2³¹ tasks.
-        let finish = tree.first().wrapping_add((u64::from(task.share()) + 1) << bits);
+        let finish = loads.first().wrapping_add((u64::from(task.share()) + 1) << bits);
         let device = (finish & mask) as usize;
         lists[device].push(task.task());
-        tree.replace(device, finish);
+        loads.replace_first(device, finish);
     }
     let seconds = lists.iter().enumerate().map(|(device, list)| {
-        let units = (tree.leaf(device) >> bits) - list.len() as u64;
+        let units = (loads.of(device) >> bits).saturating_sub(list.len() as u64);
         if list.is_empty() { 0.0 } else { model.per_launch() + units as f64 * ranking.unit }
     });
     let seconds = seconds.collect();
@@ -98,44 +107,16 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
             }
             let device = (finish & ((1 << units.device_bits) - 1)) as usize;
             lists[device].push(task.task());
-            trees[class].replace(leaf[device], finish);
+            trees[class].replace_first(leaf[device], finish);
         }
     }
     let seconds = lists.iter().enumerate().map(|(device, list)| {
-        let packed = trees[classes.of[device]].leaf(leaf[device]);
+        let packed = trees[classes.of[device]].of(leaf[device]);
         let used = (packed >> units.device_bits) - list.len() as u64;
         if list.is_empty() { 0.0 } else { used as f64 / units.per_second }
     });
     let seconds = seconds.collect();
     Schedule::from_parts(lists, seconds, work.len())
-}
-
-/// Seconds per ray, box test and triangle test, averaged over `devices`.
-pub(crate) fn mean_model(devices: &[CostModel]) -> [f64; 3] {
-    let share = 1.0 / devices.len().max(1) as f64;
-    let mut mean = [0.0; 3];
-    for d in devices {
-        for (sum, part) in mean.iter_mut().zip([d.per_ray(), d.per_box(), d.per_triangle()]) {
-            *sum += part * share;
-        }
-    }
-    mean
-}
-
-/// All rays, box tests and triangle tests of `work`.
-pub(crate) fn total(work: &[Work]) -> [f64; 3] {
-    let mut sum = [0.0; 3];
-    for w in work {
-        for (sum, part) in sum.iter_mut().zip([w.rays(), w.boxes(), w.triangles()]) {
-            *sum += f64::from(part);
-        }
-    }
-    sum
-}
-
-/// Expected seconds of `work` for [`mean_model`].
-pub(crate) fn seconds(model: &[f64; 3], work: &Work) -> f64 {
-    model[0] * f64::from(work.rays()) + model[1] * f64::from(work.boxes()) + model[2] * f64::from(work.triangles())
 }
 
 /// Devices grouped by equal cost models.
@@ -198,201 +179,5 @@ impl Units {
     }
 }
 
-/// The least of a set of words that change one at a time: a complete tree of minima (D. Knuth, *The Art of Computer
-/// Programming* 3, 5.4.1, "tree of winners"), four children to a node.
-///
-/// The siblings on a leaf's way up do not depend on one another, so a change costs a chain of one minimum per level,
-/// without a branch; four children halve the levels of two.
-struct WinnerTree {
-    /// The leaves, then each level's minima, the root last; absent words are `u64::MAX`.
-    nodes: Vec<u64>,
-    /// Number of leaves, a power of four.
-    width: usize,
-}
-
-impl WinnerTree {
-    fn new(words: &[u64]) -> Self {
-        let mut width = 1;
-        while width < words.len() {
-            width *= 4;
-        }
-        let mut nodes = words.to_vec();
-        nodes.resize(width, u64::MAX);
-        let mut level = 0..width;
-        while level.len() > 1 {
-            let minima: Vec<u64> =
-                nodes[level.clone()].chunks(4).map(|c| c.iter().copied().fold(u64::MAX, u64::min)).collect();
-            level = level.end..level.end + minima.len();
-            nodes.extend(minima);
-        }
-        Self { nodes, width }
-    }
-
-    fn first(&self) -> u64 {
-        self.nodes[self.nodes.len() - 1]
-    }
-
-    fn leaf(&self, leaf: usize) -> u64 {
-        self.nodes[leaf]
-    }
-
-    #[inline]
-    fn replace(&mut self, leaf: usize, word: u64) {
-        let (mut start, mut width, mut at, mut least) = (0, self.width, leaf, word);
-        while width > 1 {
-            self.nodes[start + at] = least;
-            let others = [1, 2, 3].map(|sibling| self.nodes[start + (at ^ sibling)]);
-            least = least.min(others[0].min(others[1]).min(others[2]));
-            start += width;
-            width /= 4;
-            at /= 4;
-        }
-        self.nodes[start] = least;
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn works(costs: &[f32]) -> Vec<Work> {
-        costs.iter().map(|&c| Work::new(0.0, c, 0.0)).collect()
-    }
-
-    /// Devices of the given seconds per box test.
-    fn models(per_box: &[f64]) -> Vec<CostModel> {
-        per_box.iter().map(|&s| CostModel::new(0.0, 0.0, s, s).expect("valid")).collect()
-    }
-
-    /// Least makespan over all ways to deal the costs to `m` equal devices.
-    fn best_makespan(costs: &[f64], loads: &mut [f64]) -> f64 {
-        let Some((&cost, rest)) = costs.split_first() else { return loads.iter().copied().fold(0.0, f64::max) };
-        let mut best = f64::INFINITY;
-        for device in 0..loads.len() {
-            loads[device] += cost;
-            best = best.min(best_makespan(rest, loads));
-            loads[device] -= cost;
-            // Devices without a task are alike.
-            if loads[device] == 0.0 {
-                break;
-            }
-        }
-        best
-    }
-
-    /// The plain algorithm: sort, then look at every device for every task.
-    fn naive(work: &[Work], devices: &[CostModel]) -> Vec<Vec<TaskId>> {
-        let mean = mean_model(devices);
-        let mut order: Vec<usize> = (0..work.len()).collect();
-        order.sort_by(|&a, &b| seconds(&mean, &work[b]).total_cmp(&seconds(&mean, &work[a])));
-        let mut lists = vec![Vec::new(); devices.len()];
-        let mut ends: Vec<f64> = devices.iter().map(CostModel::per_launch).collect();
-        for task in order {
-            let end = |d: usize| ends[d] + devices[d].seconds(&work[task]);
-            let first = (0..devices.len())
-                .min_by(|&a, &b| end(a).total_cmp(&end(b)).then(lists[a].len().cmp(&lists[b].len())))
-                .expect("a device");
-            ends[first] = end(first);
-            lists[first].push(task as TaskId);
-        }
-        lists
-    }
-
-    #[test]
-    fn uniform_work_is_dealt_round_robin() {
-        let devices = [CostModel::UNIT; 3];
-        for cost in [0.0, 1.0, 3.3e20] {
-            let schedule = Lpt.schedule(&works(&[cost; 8]), &devices);
-            assert_eq!(schedule.lists(), [vec![0, 3, 6], vec![1, 4, 7], vec![2, 5]], "{cost}");
-        }
-    }
-
-    #[test]
-    fn extremes_do_not_panic() {
-        assert_eq!(Lpt.schedule(&works(&[1.0]), &[]).lists().len(), 0);
-        assert_eq!(Lpt.schedule(&[], &[CostModel::UNIT; 2]).seconds(), [0.0, 0.0]);
-        let dear = [CostModel::new(f64::MAX, 1.0, f64::MAX, f64::MAX).expect("valid"), CostModel::UNIT];
-        for devices in [&dear[..], &dear[..1], &[dear[0]; 3]] {
-            for cost in [f32::MAX, f32::from_bits(1), 0.0] {
-                let schedule = Lpt.schedule(&works(&[cost; 5]), devices);
-                assert_eq!(schedule.lists().iter().map(Vec::len).sum::<usize>(), 5);
-            }
-        }
-        let cheap = [CostModel::new(0.0, 0.0, f64::from_bits(1), 0.0).expect("valid"); 2];
-        assert_eq!(Lpt.schedule(&works(&[1.0; 4]), &cheap).lists(), [vec![0, 2], vec![1, 3]]);
-    }
-
-    #[test]
-    fn a_launch_is_paid_before_the_first_task() {
-        let devices =
-            [CostModel::new(10.0, 1.0, 1.0, 1.0).expect("valid"), CostModel::new(0.0, 2.0, 2.0, 2.0).expect("valid")];
-        let schedule = Lpt.schedule(&works(&[4.0, 1.0]), &devices);
-        assert_eq!(schedule.lists(), [vec![], vec![0, 1]]);
-        assert_eq!(schedule.seconds(), [0.0, 10.0]);
-    }
-
-    proptest! {
-        #![proptest_config(ProptestConfig::with_cases(200))]
-
-        /// R. L. Graham's bound. Mutants: `dearest_first` in increasing order; `WinnerTree::replace` that does not
-        /// write the root.
-        #[test]
-        fn is_within_grahams_bound_of_the_optimum(costs in prop::collection::vec(0_u32..100, 1..9), m in 1_usize..4) {
-            let exact: Vec<f64> = costs.iter().map(|&c| f64::from(c)).collect();
-            let work = works(&costs.iter().map(|&c| c as f32).collect::<Vec<_>>());
-            let schedule = Lpt.schedule(&work, &models(&vec![1.0; m]));
-            let best = best_makespan(&exact, &mut vec![0.0; m]);
-            let graham = 4.0 / 3.0 - 1.0 / (3.0 * m as f64);
-            prop_assert!(schedule.makespan() <= best * graham * (1.0 + 1e-9), "{} > {best}", schedule.makespan());
-        }
-
-        /// Mutants: `WinnerTree::replace` with `max`, or with two siblings.
-        #[test]
-        fn loads_of_equal_devices_differ_by_one_task_at_most(
-            costs in prop::collection::vec(0.0_f32..1e3, 1..800), m in 1_usize..20,
-        ) {
-            let schedule = Lpt.schedule(&works(&costs), &models(&vec![1e-9; m]));
-            let least = schedule.seconds().iter().copied().fold(f64::INFINITY, f64::min);
-            let dearest = f64::from(costs.iter().copied().fold(0.0, f32::max)) * 1e-9;
-            prop_assert!(schedule.makespan() - least <= dearest * (1.0 + 1e-6));
-        }
-
-        /// Whole costs and power-of-two speeds, so that the plain algorithm's sums are exact and ties agree.
-        ///
-        /// Mutants: `end < finish` reversed, or `end` without the price; `Classes` that puts all in one class;
-        /// launches left out of `members`.
-        #[test]
-        fn agrees_with_the_plain_algorithm(
-            costs in prop::collection::vec(0_u16..2_000, 0..700),
-            speeds in prop::collection::vec((0_i32..4, 0_u16..3), 1..10),
-        ) {
-            let work = works(&costs.iter().map(|&c| f32::from(c) + 1.0).collect::<Vec<_>>());
-            let devices: Vec<CostModel> = speeds.iter().map(|&(exponent, launch)| {
-                let price = libm::ldexp(1.0, -exponent);
-                CostModel::new(f64::from(launch) * 64.0, 0.0, price, 0.0).expect("valid")
-            }).collect();
-            let schedule = Lpt.schedule(&work, &devices);
-            prop_assert_eq!(schedule.lists(), &naive(&work, &devices)[..]);
-            let checked = Schedule::new(schedule.lists().to_vec(), &work, &devices).expect("each task once");
-            for (a, b) in schedule.seconds().iter().zip(checked.seconds()) {
-                prop_assert!((a - b).abs() <= 1e-6 * schedule.makespan(), "{a} {b}");
-            }
-        }
-
-        /// Mutants: `Units` with a fixed scale; a rank whose scale is 1.
-        #[test]
-        fn scaling_by_a_power_of_two_changes_nothing(
-            costs in prop::collection::vec(0.0_f32..1e4, 0..700), prices in prop::collection::vec(0.5_f64..4.0, 1..9),
-            equal: bool, exponent in -300_i32..300,
-        ) {
-            let factor = libm::ldexp(1.0, exponent);
-            let prices = if equal { vec![prices[0]; prices.len()] } else { prices };
-            let scaled: Vec<f64> = prices.iter().map(|p| p * factor).collect();
-            let work = works(&costs);
-            let [a, b] = [models(&prices), models(&scaled)].map(|devices| Lpt.schedule(&work, &devices));
-            prop_assert_eq!(a.lists(), b.lists());
-            prop_assert!(a.seconds().iter().zip(b.seconds()).all(|(a, b)| a * factor == *b));
-        }
-    }
-}
+mod tests;

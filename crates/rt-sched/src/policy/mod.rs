@@ -1,10 +1,12 @@
 //! Policies: how the tasks of a stream are dealt to devices before anything runs.
 
+mod loads;
 mod lpt;
+mod price;
 mod rank;
 
 pub use lpt::Lpt;
-pub(crate) use lpt::{mean_model, seconds, total};
+pub(crate) use price::{mean_model, seconds, total};
 pub(crate) use rank::dearest_first;
 
 use crate::Schedule;

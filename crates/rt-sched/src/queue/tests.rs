@@ -194,6 +194,15 @@ proptest! {
     }
 }
 
+/// How often a thread yields before its test fails instead of hanging: about a second's worth.
+const PATIENCE: u32 = 3_000_000;
+
+fn wait(patience: &mut u32) {
+    *patience -= 1;
+    assert!(*patience > 0, "a task was lost: everyone waits");
+    thread::yield_now();
+}
+
 /// Exactly once under real threads, some of which are lost on the way.
 ///
 /// Mutants: `adopt` that ignores whether it cleared the bit; `Slots::take_back` that stores instead of comparing;
@@ -215,10 +224,11 @@ fn every_task_runs_exactly_once_on_threads() {
                     let mut launches_left = if device < 3 { u32::MAX } else { random(10_000 + device as u32, 20) };
                     scope.spawn(move || {
                         let mut out = Vec::new();
+                        let mut patience = PATIENCE;
                         loop {
                             match queue.pop(device, &mut out) {
                                 Pop::Done => break,
-                                Pop::Wait => thread::yield_now(),
+                                Pop::Wait => wait(&mut patience),
                                 Pop::Launch if launches_left == 0 => {
                                     queue.retire(device, &out);
                                     queue.finish(device, &out);
@@ -240,6 +250,47 @@ fn every_task_runs_exactly_once_on_threads() {
             });
             assert!(finished.iter().all(|times| times.load(Ordering::Relaxed) == 1), "{name}, seed {seed}");
             assert!(queue.unfinished_tasks().is_empty(), "{name}, seed {seed}");
+        }
+    }
+}
+
+/// A device that is retired by one thread while another pops for it: what was popped can still be finished, and
+/// nothing that was reserved for it is lost.
+///
+/// Mutant: `StaticQueue::retire` that reads the slot instead of taking it.
+#[test]
+fn a_pop_that_overlaps_a_retire_loses_nothing() {
+    const TASKS: usize = 200;
+    for seed in 0..100_u32 {
+        let (work, devices) = (works(&[3.0; TASKS]), models(&[1.0; 3]));
+        for (name, queue) in queues(&work, &devices) {
+            let finished: Vec<AtomicU32> = (0..TASKS).map(|_| AtomicU32::new(0)).collect();
+            let work_as = |device: usize| {
+                let mut out = Vec::new();
+                let mut patience = PATIENCE;
+                loop {
+                    match queue.pop(device, &mut out) {
+                        Pop::Done => break,
+                        Pop::Wait => wait(&mut patience),
+                        Pop::Launch => {
+                            for &task in &out {
+                                finished[task as usize].fetch_add(1, Ordering::Relaxed);
+                            }
+                            queue.finish(device, &out);
+                        }
+                    }
+                }
+            };
+            thread::scope(|scope| {
+                for device in [0, 0, 1, 2] {
+                    scope.spawn(move || work_as(device));
+                }
+                scope.spawn(|| {
+                    (0..seed % 8).for_each(|_| thread::yield_now());
+                    queue.retire(0, &[]);
+                });
+            });
+            assert!(finished.iter().all(|times| times.load(Ordering::Relaxed) == 1), "{name}, seed {seed}");
         }
     }
 }
@@ -292,8 +343,8 @@ fn launches_have_the_promised_sizes() {
         launch.then_some(out.len())
     })
     .collect();
-    assert_eq!(sizes[..5], [8, 4, 2, 1, 1], "halves of what is left");
-    assert_eq!(sizes[5], 4, "half of the stolen half of the other's 16");
+    assert_eq!(sizes[..8], [5, 3, 2, 2, 1, 1, 1, 1], "thirds of what is left, at least one task");
+    assert_eq!(sizes[8], 2, "a third of the stolen half of the other's 16");
     assert_eq!(sizes.iter().sum::<usize>(), 32, "in the end all is stolen");
 }
 

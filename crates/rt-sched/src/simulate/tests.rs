@@ -53,7 +53,10 @@ fn models(speeds: &[f64]) -> Vec<CostModel> {
     speeds.iter().map(|s| CostModel::new(1e-5, 1e-9 / s, 1e-9 / s, 1e-9 / s).expect("valid")).collect()
 }
 
-/// Mean excess over the lower bound, in percent, of ten images.
+/// Number of images whose excess is averaged.
+const IMAGES: u32 = 5;
+
+/// Mean excess over the lower bound, in percent.
 fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f64 {
     let devices = models(speeds);
     let one = |seed| {
@@ -64,7 +67,7 @@ fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f
         let run = simulation.run(&*queue(name, &work, &devices), speeds.len(), &seconds);
         metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0
     };
-    (0..10).map(one).sum::<f64>() / 10.0
+    (0..IMAGES).map(one).sum::<f64>() / f64::from(IMAGES)
 }
 
 /// The order of the policies on an image-like cost map.
@@ -74,7 +77,7 @@ fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f
 #[test]
 fn cost_initialised_queues_win() {
     let equal = [1.0; 3];
-    let of = |name: &str, sigma| excess(name, &equal, 1024, sigma, 1);
+    let of = |name: &str, sigma| excess(name, &equal, 1024, sigma, 2);
     let (block, round_robin, lpt, hybrid) =
         (of("block", 0.032), of("round robin", 0.032), of("lpt", 0.032), of("hybrid", 0.032));
     assert!(block > 20.0, "{block}");
@@ -83,25 +86,33 @@ fn cost_initialised_queues_win() {
     assert!(of("hybrid", 0.3) <= 1.0, "a bad estimate is mended while running");
 
     let unequal = [1.0, 2.0, 4.0];
-    let of = |name: &str, sigma| excess(name, &unequal, 1024, sigma, 1);
+    let of = |name: &str, sigma| excess(name, &unequal, 1024, sigma, 2);
     assert!(of("hybrid", 0.3) <= 1.0, "{}", of("hybrid", 0.3));
     assert!(of("lpt", 0.032) < of("round robin", 0.032) / 10.0);
 
-    let central = excess("central", &equal, 65_536, 0.032, 1);
-    assert!(central > 100.0, "a launch for each of many tasks costs more than the tasks: {central}");
+    let central = excess("central", &equal, 16_384, 0.032, 1);
+    assert!(central > 40.0, "a launch for each of many tasks costs more than the tasks: {central}");
     assert!(excess("central", &equal, 1024, 0.032, 2) < 1.0, "two launches in flight hide the launch");
 }
 
-/// Prints the table; the assertions are in `cost_initialised_queues_win`.
+/// The table of policies; `--nocapture` shows it.
+///
+/// Mutants: `Simulation::fill` that ignores `in_flight`; a thief that keeps what it stole as one launch.
 #[test]
-fn table() {
-    for (speeds, n) in [(vec![1.0; 3], 64), (vec![1.0; 3], 1024), (vec![1.0; 8], 1024), (vec![1.0, 2.0, 4.0], 1024)] {
+fn hybrid_stays_within_one_percent() {
+    let rows: [(&[f64], u32); 4] = [(&[1.0; 3], 64), (&[1.0; 3], 1024), (&[1.0; 8], 1024), (&[1.0, 2.0, 4.0], 1024)];
+    for (speeds, n) in rows {
         for in_flight in [1, 2] {
-            let row = NAMES.map(|name| {
-                let [good, bad] = [0.032, 0.3].map(|sigma| excess(name, &speeds, n, sigma, in_flight));
-                std::format!("{name} {good:.2} ({bad:.2})")
-            });
-            eprintln!("{} devices, {n} tasks, {in_flight} in flight: {}", speeds.len(), row.join(", "));
+            let row = NAMES.map(|name| [0.032, 0.3].map(|sigma| excess(name, speeds, n, sigma, in_flight)));
+            eprintln!("excess in % at errors of 3.2% and 30%, speeds {speeds:?}, {n} tasks, {in_flight} in flight:");
+            for (name, [good, bad]) in NAMES.iter().zip(row) {
+                eprintln!("  {name}: {good:.2} ({bad:.2})");
+            }
+            let [good, bad] = row[5];
+            assert!(good <= 1.0 && bad <= if n == 64 { 2.0 } else { 1.0 }, "{good} {bad}");
+            assert!(good < row[0][0]);
+            // At 65,536 tasks over equal devices round robin would do as well.
+            assert!(good < row[1][0], "better than any schedule without an estimate");
         }
     }
 }

@@ -4,8 +4,9 @@ use super::cabin;
 use super::paint::Paint;
 use super::shape::{ARCH, AXLES, WHEEL, body, stations};
 use super::surface::{Surface, flange, rounded};
-use crate::builtin::mesh::Mesh;
+use crate::builtin::mesh::{Frame, Mesh, circle};
 use glam::{Vec2, Vec3};
+use std::f32::consts::PI;
 
 /// Strips along and around the left half of the shell: about 2 cm by 1.5 cm.
 const STRIPS: [u32; 2] = [228, 76];
@@ -14,7 +15,7 @@ const GAP: f32 = 0.0045;
 /// How far inside the wheel houses reach: their inner wall's z.
 const INNER_WALL: f32 = 0.50;
 
-/// Adds the left half of the body and gives back what nose and tail need: the seams of their openings.
+/// Adds the left half of the body.
 pub(super) fn half_body(mesh: &mut Mesh, paint: &Paint) {
     let vs: Vec<f32> = (0..=STRIPS[1]).map(|j| j as f32 / STRIPS[1] as f32).collect();
     let mut shell = Surface::loft(&stations(STRIPS[0]), &vs, body);
@@ -46,7 +47,7 @@ fn wheel_house(mesh: &mut Mesh, paint: &Paint, shell: &mut Surface, axle: f32) {
     });
     let wall: Vec<Vec3> = (0..=24)
         .map(|i| {
-            let (c, s) = crate::builtin::mesh::circle(std::f32::consts::PI * i as f32 / 24.0);
+            let (c, s) = circle(PI * i as f32 / 24.0);
             Vec3::new(axle + ARCH * c, WHEEL + ARCH * s, INNER_WALL)
         })
         .collect();
@@ -81,7 +82,7 @@ fn nose(mesh: &mut Mesh, paint: &Paint, shell: &mut Surface) {
     // The lamp's reflector is the same piece of surface, pushed in.
     let mut bowl = Mesh::default();
     split.inside.add_to(&mut bowl, paint.black);
-    mesh.append(&bowl, &crate::builtin::mesh::Frame::at(Vec3::new(-0.07, -0.03, -0.02)));
+    mesh.append(&bowl, &Frame::at(Vec3::new(-0.07, -0.03, -0.02)));
     *shell = split.outside;
 }
 

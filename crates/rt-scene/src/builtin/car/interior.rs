@@ -1,7 +1,7 @@
 //! What one sees through the open windows: tub, seats, dashboard, steering wheel.
 
 use super::paint::Paint;
-use crate::builtin::mesh::{Colour, Frame, Mesh, circle};
+use crate::builtin::mesh::{Colour, Frame, Mesh, bump, circle};
 use glam::Vec3;
 use std::f32::consts::{PI, TAU};
 
@@ -94,7 +94,7 @@ fn door_card(mesh: &mut Mesh, paint: &Paint, side: f32) {
             let [t, s] = [row as f32 / 16.0, column as f32 / 40.0];
             let x = -1.45 + 2.40 * s;
             // Bows outwards in the middle, and has a ledge at armrest height.
-            let ledge = 0.035 * crate::builtin::mesh::bump(0.6, 0.09, t);
+            let ledge = 0.035 * bump(0.6, 0.09, t);
             let z = 0.70 + 0.035 * libm::sinf(PI * t) - ledge;
             Vec3::new(x, 0.235 + 0.56 * t, side * z)
         },
@@ -181,8 +181,9 @@ fn dashboard(mesh: &mut Mesh, paint: &Paint) {
             paint.chrome,
         );
     }
-    for z in [-0.58, -0.1, 0.1, 0.62] {
-        let vent = Frame::along(Vec3::new(0.583 - if z > 0.5 || z < -0.5 { 0.03 } else { 0.0 }, 0.765, z), Vec3::NEG_X);
+    // The outer vents sit where the ends have curved away.
+    for [x, z] in [[0.553, -0.58], [0.583, -0.1], [0.583, 0.1], [0.553, 0.62]] {
+        let vent = Frame::along(Vec3::new(x, 0.765, z), Vec3::NEG_X);
         mesh.lathe(&vent, &[[0.045, -0.01], [0.045, 0.012], [0.036, 0.012], [0.034, -0.01]], 28, paint.chrome);
         for i in 0..5 {
             let blade = vent.moved(Vec3::new(0.0, 0.0, 0.013 * (i as f32 - 2.0)));

@@ -49,7 +49,7 @@ pub(super) fn build() -> Model {
 }
 
 /// Half the distance between the middles of the tyres.
-const TRACK: f32 = 0.80;
+const TRACK: f32 = 0.782;
 /// Half the side of the floor, in metres.
 const FLOOR: f32 = 150.0;
 /// Triangles of a piece of a grille's wire, which has three sides.

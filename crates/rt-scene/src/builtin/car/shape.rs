@@ -3,6 +3,7 @@
 
 use crate::builtin::mesh::{bump, smooth};
 use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Half the length of the car.
 pub(super) const HALF_LENGTH: f32 = 2.23;
@@ -58,8 +59,8 @@ fn section(x: f32) -> Section {
             [-1.3, 0.945],
             [-0.4, 0.905],
             [0.5, 0.895],
-            [1.34, 0.93],
-            [1.8, 0.885],
+            [1.34, 0.94],
+            [1.8, 0.895],
             [2.23, 0.79],
         ],
         x,
@@ -123,7 +124,7 @@ pub(super) fn body(x: f32, v: f32) -> Vec3 {
         let lean = 0.045 * down + 0.045 * down * down * down * down;
         Vec3::new(x, s.bottom + (s.widest.y - s.bottom) * t, s.widest.x * (1.0 - lean))
     } else {
-        let turn = (v - SIDE) / (1.0 - SIDE) * std::f32::consts::FRAC_PI_2;
+        let turn = (v - SIDE) / (1.0 - SIDE) * FRAC_PI_2;
         let power = 2.0 / s.square;
         let across = if v >= 1.0 { 0.0 } else { libm::powf(libm::cosf(turn).max(0.0), power) };
         let up = libm::powf(libm::sinf(turn), power);
@@ -151,14 +152,13 @@ fn sculpt(p: Vec3) -> Vec3 {
 /// Places along the car, `count + 1` of them, evenly spaced along the body's outline seen from above.
 pub(super) fn stations(count: u32) -> Vec<f32> {
     const FINE: u32 = 4000;
-    // By angle, so that the blunt ends are resolved too.
+    // By the superellipse's own angle, so that the blunt ends are resolved too.
     let fine: Vec<Vec2> = (0..=FINE)
         .map(|i| {
-            let c = libm::cosf(std::f32::consts::PI * i as f32 / FINE as f32);
-            let c = if i == FINE / 2 { 0.0 } else { c };
-            // Halfway between even in x and even in the superellipse's own angle.
-            let x =
-                -HALF_LENGTH * c.signum() * libm::powf(c.abs(), 1.0 / BLUNT[0]) * if i == FINE / 2 { 0.0 } else { 1.0 };
+            let c = libm::cosf(PI * i as f32 / FINE as f32);
+            // The cosine of a quarter turn is not quite 0 in single precision, and its root far from it.
+            let reach = if 2 * i == FINE { 0.0 } else { libm::powf(c.abs(), 1.0 / BLUNT[0]) };
+            let x = -HALF_LENGTH * c.signum() * reach;
             Vec2::new(x, 0.9 * closing(x, BLUNT[0]))
         })
         .collect();
@@ -172,13 +172,10 @@ pub(super) fn stations(count: u32) -> Vec<f32> {
             let at = whole * i as f32 / count as f32;
             let k = length.partition_point(|&l| l < at).clamp(1, FINE as usize);
             let t = (at - length[k - 1]) / (length[k] - length[k - 1]);
-            let x = fine[k - 1].x + (fine[k].x - fine[k - 1].x) * t;
-            if i == 0 {
-                -HALF_LENGTH
-            } else if i == count {
-                HALF_LENGTH
-            } else {
-                x
+            match i {
+                0 => -HALF_LENGTH,
+                _ if i == count => HALF_LENGTH,
+                _ => fine[k - 1].x + (fine[k].x - fine[k - 1].x) * t,
             }
         })
         .collect()

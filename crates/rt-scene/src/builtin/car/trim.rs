@@ -41,7 +41,7 @@ fn sill(mesh: &mut Mesh, paint: &Paint) {
 /// Adds two tail pipes and the fins between them.
 fn exhaust(mesh: &mut Mesh, paint: &Paint) {
     for z in [0.47, 0.57] {
-        let pipe = Frame::along(Vec3::new(-2.12, 0.285, z), Vec3::NEG_X);
+        let pipe = Frame::along(Vec3::new(-2.03, 0.285, z), Vec3::NEG_X);
         let profile =
             [[0.042, -0.1], [0.042, 0.10], [0.044, 0.112], [0.039, 0.114], [0.036, 0.10], [0.034, -0.05], [0.0, -0.05]];
         mesh.lathe(&pipe, &profile, 36, paint.chrome);
@@ -59,13 +59,15 @@ fn spoiler(mesh: &mut Mesh, paint: &Paint) {
     mesh.grid(
         [5, columns],
         |row, column| {
-            let z = 0.78 * column as f32 / columns as f32;
-            let x = -2.03 + 0.10 * z * z;
-            let fade = libm::sqrtf(1.0 - (z / 0.781) * (z / 0.781));
+            let s = column as f32 / columns as f32;
+            let z = 0.66 * s;
+            let x = -2.06 + 0.12 * z * z;
+            // Its ends run out into the boot lid.
+            let fade = 1.0 - s * s * s * s;
             let [out, up] =
-                [[-0.055, -0.03], [-0.075, 0.030], [-0.07, 0.038], [-0.04, 0.022], [0.02, 0.006], [0.09, -0.012]]
+                [[-0.045, -0.012], [-0.06, 0.020], [-0.055, 0.027], [-0.03, 0.016], [0.02, 0.005], [0.08, -0.010]]
                     [row as usize];
-            Vec3::new(x + out, deck(x, z) + up * fade.max(0.1), z)
+            Vec3::new(x + out, deck(x + out, z) + if row == 0 { up } else { up * fade - 0.006 * (1.0 - fade) }, z)
         },
         |_, _| paint.body,
     );

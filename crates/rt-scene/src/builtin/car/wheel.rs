@@ -44,7 +44,7 @@ pub(super) fn wheel(paint: &Paint) -> Mesh {
 
 /// Adds the tyre: a lathe with four grooves, and blocks on both shoulders.
 fn tyre(mesh: &mut Mesh, paint: &Paint) {
-    let mut profile = vec![[RIM - 0.01, -0.088], [RIM + 0.012, -0.104], [RIM + 0.045, HALF_WIDTH * -1.0]];
+    let mut profile = vec![[RIM - 0.01, -0.088], [RIM + 0.012, -0.104], [RIM + 0.045, -HALF_WIDTH]];
     profile.extend([[WHEEL - 0.04, -0.117], [WHEEL - 0.016, -0.107], [WHEEL - 0.007, -0.095]]);
     // Grooves 9 mm wide and 7 mm deep.
     for groove in [-0.06, -0.02, 0.02, 0.06_f32] {
@@ -116,7 +116,7 @@ fn hub(mesh: &mut Mesh, paint: &Paint) {
     }
 }
 
-/// Adds a ventilated, drilled-looking brake disc, its vanes, and the caliper at the rear of it.
+/// Adds a ventilated brake disc, its vanes, and the caliper at the rear of it.
 fn brake(mesh: &mut Mesh, paint: &Paint) {
     let plate = |low: f32| [[0.075, low], [0.172, low], [0.172, low + 0.009], [0.075, low + 0.009]];
     for low in [-0.03, -0.006] {

@@ -1,12 +1,12 @@
 //! The ground and what lies and stands on it: lawn, terrace, stepping stones, beds, fence.
 
 use super::paint::Paint;
-use crate::builtin::mesh::{Colour, Dice, Mesh, circle};
+use crate::builtin::mesh::{Colour, Dice, Frame, Mesh, circle};
 use glam::{Vec2, Vec3};
 use std::f32::consts::TAU;
 
 /// The lawn's lower and upper corner in the plane (x, z), in metres.
-pub(super) const LAWN: [Vec2; 2] = [Vec2::new(-13.0, -13.0), Vec2::new(13.0, 12.0)];
+pub(super) const LAWN: [Vec2; 2] = [Vec2::new(-13.0, -13.0), Vec2::new(13.0, 16.0)];
 
 /// Adds a level rectangle that faces up.
 fn level(mesh: &mut Mesh, [low, high]: [Vec2; 2], y: f32, colour: Colour) {
@@ -18,7 +18,7 @@ fn level(mesh: &mut Mesh, [low, high]: [Vec2; 2], y: f32, colour: Colour) {
 pub(super) fn lawn(mesh: &mut Mesh, paint: &Paint) {
     let [low, high] = LAWN;
     // Few and long: every piece more is nodes that each ray to the lawn must pass.
-    let stripes = 10;
+    let stripes = 12;
     let width = (high.x - low.x) / stripes as f32;
     for i in 0..stripes {
         let x = low.x + i as f32 * width;
@@ -100,22 +100,22 @@ pub(super) fn fence(mesh: &mut Mesh, paint: &Paint, from: Vec2, to: Vec2) {
     let u = Vec3::new(along.x, 0.0, along.y);
     let out = Vec3::new(-along.y, 0.0, along.x);
     let start = Vec3::new(from.x, 0.0, from.y);
-    let frame = |distance: f32| start + u * distance;
+    let at = |distance: f32| start + u * distance;
     let turn = libm::atan2f(-along.y, along.x);
     let posts = (length / 2.0).ceil() as u32;
     for i in 0..=posts {
-        let foot = frame(length * i as f32 / posts as f32) - out * 0.06;
-        let post = crate::builtin::mesh::Frame::at(foot).turned(turn);
+        let foot = at(length * i as f32 / posts as f32) - out * 0.06;
+        let post = Frame::at(foot).turned(turn);
         mesh.cuboid(&post.moved(Vec3::Y * 0.5), Vec3::new(0.09, 1.0, 0.09), paint.white);
         mesh.taper(&post.moved(Vec3::Y * 1.03), Vec3::new(0.12, 0.06, 0.12), 0.15, paint.white);
     }
     for y in [0.28, 0.72] {
-        let rail = crate::builtin::mesh::Frame::at(frame(0.5 * length) + Vec3::Y * y - out * 0.03).turned(turn);
+        let rail = Frame::at(at(0.5 * length) + Vec3::Y * y - out * 0.03).turned(turn);
         mesh.cuboid(&rail, Vec3::new(length, 0.07, 0.03), paint.white);
     }
     let pales = (length / 0.125) as u32;
     for i in 0..pales {
-        let foot = frame((i as f32 + 0.5) * length / pales as f32);
+        let foot = at((i as f32 + 0.5) * length / pales as f32);
         pale(mesh, paint, foot, u, out);
     }
 }

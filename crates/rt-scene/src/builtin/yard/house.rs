@@ -1,8 +1,9 @@
 //! The house: walls with openings, door, windows with shutters, chimney. The roof is in `roof`.
 
 use super::paint::Paint;
-use crate::builtin::mesh::{Colour, Dice, Frame, Mesh};
+use crate::builtin::mesh::{Colour, Dice, Frame, Mesh, bump};
 use glam::{Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, PI};
 
 /// Where the house stands: the lower left corner of its front, which faces +z. Metres, like all below.
 pub(super) const CORNER: Vec3 = Vec3::new(2.0, 0.0, -7.4);
@@ -41,11 +42,11 @@ pub(super) fn house(mesh: &mut Mesh, paint: &Paint) {
     wall(mesh, paint, &front, WIDTH, &openings);
     let gable_window = [opening(2.7, 0.95, 1.0, 1.3)];
     // Each of the other walls is built like the front, turned about a corner.
-    let left = Frame::at(CORNER - Vec3::Z * DEPTH).turned(-std::f32::consts::FRAC_PI_2);
+    let left = Frame::at(CORNER - Vec3::Z * DEPTH).turned(-FRAC_PI_2);
     wall(mesh, paint, &left, DEPTH, &gable_window);
-    let right = Frame::at(CORNER + Vec3::X * WIDTH).turned(std::f32::consts::FRAC_PI_2);
+    let right = Frame::at(CORNER + Vec3::X * WIDTH).turned(FRAC_PI_2);
     wall(mesh, paint, &right, DEPTH, &gable_window);
-    let back = Frame::at(CORNER + Vec3::new(WIDTH, 0.0, -DEPTH)).turned(std::f32::consts::PI);
+    let back = Frame::at(CORNER + Vec3::new(WIDTH, 0.0, -DEPTH)).turned(PI);
     wall(mesh, paint, &back, WIDTH, &[]);
     for x in [0.0, WIDTH] {
         gable(mesh, paint, x);
@@ -131,7 +132,7 @@ fn curtain(mesh: &mut Mesh, paint: &Paint, inner: &Frame, half: Vec2, side: f32)
             let (t, s) = (row as f32 / 8.0, column as f32 / 24.0);
             let s = if side > 0.0 { 1.0 - s } else { s };
             // Gathered at a third of the height, free above.
-            let width = half.x * (0.55 - 0.25 * crate::builtin::mesh::bump(0.35, 0.25, t));
+            let width = half.x * (0.55 - 0.25 * bump(0.35, 0.25, t));
             let fold = 0.015 * libm::sinf(s * 44.0);
             inner.point(Vec3::new(side * (half.x - width * s), half.y * (2.0 * t - 1.0), -0.06 + fold))
         },
@@ -177,7 +178,7 @@ fn fit_door(mesh: &mut Mesh, paint: &Paint, wall: &Frame) {
     mesh.cuboid(&frame.moved(Vec3::Z * -0.03), leaf, paint.door);
     for (y, height) in [(-0.62, 0.5), (-0.02, 0.52)] {
         for x in [-0.2, 0.2] {
-            let panel = frame.moved(Vec3::new(x, y, 0.0)).pitched(std::f32::consts::FRAC_PI_2);
+            let panel = frame.moved(Vec3::new(x, y, 0.0)).pitched(FRAC_PI_2);
             mesh.taper(&panel.moved(Vec3::Y * 0.005), Vec3::new(0.3, 0.025, height), 0.82, paint.door);
         }
     }

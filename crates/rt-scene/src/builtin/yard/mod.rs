@@ -31,7 +31,7 @@ pub(super) fn build() -> Model {
     flowers(&mut mesh, &paint);
     grass(&mut mesh, &paint);
     let view =
-        View { eye: Vec3::new(-0.9, 1.55, 10.6), target: Vec3::new(-0.5, 2.95, -4.0), up: Vec3::Y, fov_degrees: 46.0 };
+        View { eye: Vec3::new(-0.7, 1.65, 12.8), target: Vec3::new(-0.5, 3.05, -4.0), up: Vec3::Y, fov_degrees: 44.0 };
     mesh.into_model("builtin:yard", palette, view)
 }
 
@@ -39,16 +39,16 @@ pub(super) fn build() -> Model {
 const BED: [Vec2; 2] = [Vec2::new(-1.7, -1.6), Vec2::new(1.5, 0.8)];
 /// Feet of the trees.
 const OAK: Vec3 = Vec3::new(-5.2, 0.0, -1.9);
-const BIRCH: Vec3 = Vec3::new(-10.2, 0.0, -8.8);
+const BIRCH: Vec3 = Vec3::new(-10.9, 0.0, -8.2);
 const CHERRY: Vec3 = Vec3::new(-1.6, 0.0, -10.0);
 
 fn grounds(mesh: &mut Mesh, paint: &Paint) {
     grounds::lawn(mesh, paint);
-    let path: Vec<Vec2> = (0..15)
+    let path: Vec<Vec2> = (0..20)
         .map(|i| {
-            let t = i as f32 / 14.0;
+            let t = i as f32 / 19.0;
             // From the terrace towards the viewer, in a bow.
-            Vec2::new(4.0 - 1.7 * t + 0.9 * libm::sinf(3.0 * t), -3.1 + 9.9 * t)
+            Vec2::new(4.0 - 1.7 * t + 0.9 * libm::sinf(3.0 * t), -3.1 + 13.2 * t)
         })
         .collect();
     grounds::stepping_stones(mesh, paint, &path);
@@ -79,30 +79,30 @@ fn terrace(mesh: &mut Mesh, paint: &Paint) {
 
 fn trees(mesh: &mut Mesh, paint: &Paint) {
     let oak = Habit {
-        trunk: 1.9,
-        girth: 0.27,
-        shrink: 0.66,
+        trunk: 2.15,
+        girth: 0.3,
+        shrink: 0.67,
         spread: 0.85,
         lift: 0.05,
         forks: 4,
         generations: 5,
-        leaves: 24_000,
-        leaf: 0.105,
+        leaves: 25_000,
+        leaf: 0.115,
         reach: 0.26,
         foliage: &paint.oak,
         bark: paint.bark,
     };
     tree(mesh, &oak, OAK, 121);
     let birch = Habit {
-        trunk: 2.6,
-        girth: 0.13,
+        trunk: 3.3,
+        girth: 0.14,
         shrink: 0.62,
         spread: 0.6,
         lift: 0.08,
         forks: 4,
         generations: 4,
-        leaves: 8_000,
-        leaf: 0.1,
+        leaves: 7_000,
+        leaf: 0.125,
         reach: 0.3,
         foliage: &paint.birch,
         bark: paint.birch_bark[0],
@@ -126,7 +126,7 @@ fn trees(mesh: &mut Mesh, paint: &Paint) {
 }
 
 fn shrubs(mesh: &mut Mesh, paint: &Paint) {
-    plants::hedge(mesh, paint, [Vec3::new(-12.9, 0.0, -11.5), Vec3::new(-12.0, 1.6, -3.0)], 170.0, 131);
+    plants::hedge(mesh, paint, [Vec3::new(-12.9, 0.0, -11.5), Vec3::new(-12.0, 1.6, -3.0)], 140.0, 131);
     let front = house::CORNER;
     plants::climber(mesh, paint, front + Vec3::new(0.03, 0.0, 0.0), [1.7, 3.0], 1_700, 132);
     let bushes = [

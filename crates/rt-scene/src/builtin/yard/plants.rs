@@ -54,7 +54,7 @@ pub(super) fn bush(
         // Most leaves sit near the surface, where the light is; lumps come from a second, coarser throw.
         let d = dice.in_ball().normalize_or(Vec3::Y);
         let lump = 1.0 + 0.1 * libm::sinf(d.x * 7.0 + seed as f32) * libm::cosf(d.z * 6.0 + d.y * 5.0);
-        let p = centre + d * radii * (dice.between(0.72, 1.0) * lump);
+        let p = centre + d * radii * (dice.between(0.5, 1.0) * lump);
         if p.y < foot.y + 0.03 {
             continue;
         }
@@ -63,7 +63,7 @@ pub(super) fn bush(
             Some(petal) if i % 24 == 0 && d.y > -0.2 => {
                 blossom_head(mesh, &mut dice, p + d * 0.03, d, 0.035, petal, paint)
             }
-            _ => loose_leaf(mesh, &mut dice, p, d, 0.085, colour),
+            _ => loose_leaf(mesh, &mut dice, p, d, 0.13, colour),
         }
     }
 }
@@ -101,7 +101,7 @@ pub(super) fn hedge(mesh: &mut Mesh, paint: &Paint, [low, high]: [Vec3; 2], dens
                 let p = (low + at * size) * (Vec3::ONE - axis) + face * axis;
                 let p = p + outwards * dice.between(-0.07, 0.02);
                 let colour = dice.pick(paint.hedge);
-                loose_leaf(mesh, &mut dice, p, outwards, 0.07, colour);
+                loose_leaf(mesh, &mut dice, p, outwards, 0.11, colour);
             }
         }
     }

@@ -49,9 +49,8 @@ fn tiles(mesh: &mut Mesh, paint: &Paint, frame: &Frame, length: f32, seed: u32) 
                 |r, c| {
                     let s = c as f32 / STRIPS as f32;
                     let wave = 0.022 * libm::sinf(s * TAU);
-                    // Rows of the grid: back edge, front edge, and the front edge's lower rim, which shows.
-                    let [y, z] = [[0.0, -0.54], [0.022, 0.52], [0.002, 0.52]][2 - r as usize];
-                    let z = if r == 2 { -0.54 } else { z };
+                    // Up the slope: the rim of the front edge, which shows; the front edge; the back edge.
+                    let [y, z] = [[0.002, 0.52], [0.022, 0.52], [0.0, -0.54]][r as usize];
                     tile.point(Vec3::new((s - 0.5) * across * 1.02, wave + y, z * down))
                 },
                 |_, _| colour,

@@ -1,0 +1,59 @@
+//! Made-up runs for the tests of this module.
+
+use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
+use rt_core::StreamKind;
+
+pub(super) fn launch(device: usize, start_s: f64, end_s: f64) -> Activity {
+    Activity {
+        device,
+        kind: ActivityKind::Launch,
+        start_s,
+        end_s,
+        tasks: vec![3],
+        rays: 1024,
+        predicted_s: Some(end_s - start_s),
+    }
+}
+
+pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
+    let device = DeviceReport {
+        name: "a <device>".to_owned(),
+        backend: "cpu".to_owned(),
+        busy_s: 1.0,
+        launches: 1,
+        tasks: 1,
+        rays: 1024,
+        error: None,
+    };
+    let estimate = EstimateReport {
+        estimator: "strided".to_owned(),
+        fraction: 0.01,
+        seconds: 0.1,
+        overhead: 0.05,
+        mre_counts: None,
+        mre_time: None,
+    };
+    let report = StreamReport {
+        kind: "primary".to_owned(),
+        frame: 0,
+        wave: 0,
+        rays: 1_048_576,
+        tasks: 1024,
+        estimate,
+        makespan_s: 2.0,
+        imbalance: 0.01,
+        lower_bound_s: None,
+        excess: None,
+        devices: vec![device; devices],
+    };
+    StreamRun {
+        report,
+        kind: StreamKind::Primary,
+        tasks: Vec::new(),
+        work: Vec::new(),
+        predicted_s: Vec::new(),
+        measured_s: Vec::new(),
+        device_of: Vec::new(),
+        activities,
+    }
+}

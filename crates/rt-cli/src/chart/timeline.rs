@@ -1,0 +1,359 @@
+//! `timeline.svg`: a Gantt chart with one panel per stream and one row per device.
+
+use super::bars::{self, Bar};
+use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
+use crate::output::write_atomically;
+use anyhow::{Result, anyhow};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+use rt_balance::report::{ActivityKind, StreamRun};
+use std::path::Path;
+
+/// Most panels of a picture: a browser still scrolls through these. The longest streams are kept.
+const MOST_PANELS: usize = 16;
+
+/// plotters places things at whole units; with eight to a pixel, gaps far thinner than a pixel keep their place.
+const UNITS: f64 = 8.0;
+
+/// Sizes in pixels.
+const WIDTH: f64 = 1200.0;
+const MARGIN: f64 = 24.0;
+const LEFT: f64 = 236.0;
+const RIGHT: f64 = WIDTH - 116.0;
+const HEADER: f64 = 58.0;
+const PANEL_TITLE: f64 = 46.0;
+const PANEL_AXIS: f64 = 48.0;
+const ROW: f64 = 26.0;
+/// Height of a panel's rows where there are so many devices that each must be thinner than [`ROW`].
+const MOST_ROWS_HEIGHT: f64 = 640.0;
+/// Rows thinner than this have no room for a name.
+const READABLE_ROW: f64 = 13.0;
+
+/// Bars narrower than this, in pixels, are drawn together.
+const THIN: f64 = 1.0;
+/// Widest such group, in pixels: narrow enough to show where a row is denser.
+const GROUP: f64 = 3.0;
+
+// M. Okabe and K. Ito, Color Universal Design (2008): told apart with any colour vision.
+const ESTIMATE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
+const LAUNCH: [RGBColor; 2] = [RGBColor(0x00, 0x72, 0xb2), RGBColor(0x56, 0xb4, 0xe9)];
+const MAKESPAN: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
+const IDLE: RGBColor = RGBColor(0xe6, 0xe6, 0xe6);
+const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
+const FAINT: RGBColor = RGBColor(0x66, 0x66, 0x66);
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+
+/// Writes the chart of a run, its streams below one another in the order given.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
+    let svg = draw(runs)?;
+    write_atomically(path, |out| Ok(out.write_all(svg.as_bytes())?))
+}
+
+fn draw(runs: &[StreamRun]) -> Result<String> {
+    let shown = longest(runs);
+    let panels: Vec<Panel<'_>> = shown.iter().map(|run| Panel::new(run)).collect();
+    let height = HEADER + panels.iter().map(Panel::height).sum::<f64>() + MARGIN;
+
+    let mut svg = String::new();
+    let size = (units(WIDTH) as u32, units(height) as u32);
+    {
+        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        let drawing = || -> Drawn {
+            area.fill(&WHITE)?;
+            header(&area, shown.len(), runs.len())?;
+            let mut top = HEADER;
+            for panel in &panels {
+                panel.draw(&area, top)?;
+                top += panel.height();
+            }
+            area.present()
+        };
+        drawing().map_err(|error| anyhow!("cannot draw the timeline: {error}"))?;
+    }
+    // The view box keeps the fine units; the picture is shown in pixels.
+    let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
+    Ok(svg.replacen(&fine, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
+}
+
+/// The streams with the longest makespans, in their own order.
+fn longest(runs: &[StreamRun]) -> Vec<&StreamRun> {
+    let mut order: Vec<usize> = (0..runs.len()).collect();
+    order.sort_by(|&a, &b| runs[b].report.makespan_s.total_cmp(&runs[a].report.makespan_s));
+    order.truncate(MOST_PANELS);
+    order.sort_unstable();
+    order.into_iter().map(|index| &runs[index]).collect()
+}
+
+type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+fn header(area: &Area<'_>, shown: usize, all: usize) -> Drawn {
+    let title = match all {
+        0 => "Timeline: nothing was traced".to_owned(),
+        _ if shown < all => format!("Timeline: the {shown} longest of {all} streams"),
+        1 => "Timeline".to_owned(),
+        _ => format!("Timeline of {all} streams"),
+    };
+    text(area, &title, (MARGIN, 32.0), Look { size: 20.0, bold: true, ..Look::default() })?;
+    // From the right, each as wide as its words.
+    let mut x = WIDTH - MARGIN;
+    for (label, colors) in
+        [("makespan", &[MAKESPAN][..]), ("idle", &[IDLE]), ("launches", &LAUNCH), ("estimation", &[ESTIMATE])]
+    {
+        x -= 7.0 * label.len() as f64;
+        text(area, label, (x, 32.0), Look::default())?;
+        for color in colors.iter().rev() {
+            x -= 16.0;
+            let (top, bottom) = if label == "makespan" { (22.0, 42.0) } else { (26.0, 38.0) };
+            let right = if label == "makespan" { x + 2.0 } else { x + 12.0 };
+            rectangle(area, (x, top), (right, bottom), color)?;
+        }
+        x -= 22.0;
+    }
+    Ok(())
+}
+
+/// One stream.
+struct Panel<'a> {
+    run: &'a StreamRun,
+    rows: Vec<Vec<Bar<'a>>>,
+    /// Seconds since the balancer was made.
+    start_s: f64,
+    /// Length of the time axis.
+    span_s: f64,
+    row: f64,
+}
+
+impl<'a> Panel<'a> {
+    fn new(run: &'a StreamRun) -> Self {
+        let rows = bars::rows(run);
+        let (start_s, end_s) = bars::extent(run);
+        let row = ROW.min(MOST_ROWS_HEIGHT / rows.len().max(1) as f64);
+        // An axis needs some length, however short the run.
+        Self { run, rows, start_s, span_s: (end_s - start_s).max(1e-9), row }
+    }
+
+    fn height(&self) -> f64 {
+        PANEL_TITLE + self.row * self.rows.len() as f64 + PANEL_AXIS + self.errors().count() as f64 * 18.0
+    }
+
+    /// Devices that dropped out, and why.
+    fn errors(&self) -> impl Iterator<Item = (usize, &str)> {
+        let devices = self.run.report.devices.iter().enumerate();
+        devices.filter_map(|(index, device)| Some((index, device.error.as_deref()?)))
+    }
+
+    fn x(&self, seconds: f64) -> f64 {
+        LEFT + (seconds - self.start_s) / self.span_s * (RIGHT - LEFT)
+    }
+
+    fn draw(&self, area: &Area<'_>, top: f64) -> Drawn {
+        let report = &self.run.report;
+        let mut name = report.kind.clone();
+        if report.frame > 0 || report.wave > 0 {
+            name += &format!(", frame {}, wave {}", report.frame, report.wave);
+        }
+        text(area, &name, (MARGIN, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() })?;
+        text(area, &self.summary(), (LEFT, top + 12.0), Look { color: FAINT, ..Look::default() })?;
+
+        let mut y = top + PANEL_TITLE - 14.0;
+        let first = y;
+        for (device, bars) in self.rows.iter().enumerate() {
+            self.row(area, y, device, bars)?;
+            y += self.row;
+        }
+        let end = self.x(self.start_s + self.span_s);
+        rectangle(area, (end, first - 4.0), (end + 1.5, y + 4.0), &MAKESPAN)?;
+        self.axis(area, first, y)?;
+        for (index, (device, error)) in self.errors().enumerate() {
+            let line = format!("device {device} was lost: {}", shortened(error, 130));
+            let at = (LEFT, y + PANEL_AXIS - 10.0 + index as f64 * 18.0);
+            text(area, &line, at, Look { color: MAKESPAN, ..Look::default() })?;
+        }
+        Ok(())
+    }
+
+    fn summary(&self) -> String {
+        let report = &self.run.report;
+        let percent = |ratio: f64| format!("{} %", significant(ratio * 100.0));
+        let mut summary = format!(
+            "{} rays in {} tasks, estimator {}  ·  makespan {}  ·  imbalance {}",
+            grouped(u64::from(report.rays)),
+            grouped(u64::from(report.tasks)),
+            report.estimate.estimator,
+            duration(report.makespan_s),
+            percent(report.imbalance)
+        );
+        if let Some(excess) = report.excess {
+            summary += &format!("  ·  excess {} over the lower bound", percent(excess));
+        }
+        summary
+    }
+
+    fn row(&self, area: &Area<'_>, top: f64, device: usize, bars: &[Bar<'_>]) -> Drawn {
+        let gap = (self.row * 0.12).min(3.0);
+        let (top, bottom) = (top + gap, top + self.row - gap);
+        let middle = f64::midpoint(top, bottom);
+        rectangle(area, (LEFT, top), (RIGHT, bottom), &IDLE)?;
+        for block in blocks(bars, |seconds| self.x(seconds)) {
+            rectangle(area, (block.left, top), (block.right, bottom), &block.color)?;
+        }
+        if self.row < READABLE_ROW {
+            return Ok(());
+        }
+        let report = self.run.report.devices.get(device);
+        let name = report.map_or_else(String::new, |report| format!("{device}  {}", report.name));
+        text(area, &shortened(&name, 29), (MARGIN, middle), Look::default())?;
+        if let Some(report) = report {
+            let share = report.busy_s / self.run.report.makespan_s;
+            let (note, color) = match report.error {
+                Some(_) => ("lost".to_owned(), MAKESPAN),
+                None if share.is_finite() => (format!("{:.1} % busy", share * 100.0), FAINT),
+                None => (String::new(), FAINT),
+            };
+            text(area, &note, (RIGHT + 12.0, middle), Look { color, ..Look::default() })?;
+        }
+        Ok(())
+    }
+
+    fn axis(&self, area: &Area<'_>, top: f64, bottom: f64) -> Drawn {
+        let (factor, unit) = time_unit(self.span_s);
+        let ticks = ticks(self.span_s * factor, 8);
+        let step = ticks.get(1).copied().unwrap_or(1.0);
+        for &tick in &ticks {
+            let x = self.x(self.start_s + tick / factor);
+            rectangle(area, (x, bottom), (x + 1.0, bottom + 5.0), &FAINT)?;
+            let look = Look { align: HPos::Center, color: FAINT, ..Look::default() };
+            text(area, &tick_label(tick, step), (x, bottom + 15.0), look)?;
+        }
+        let look = Look { color: FAINT, ..Look::default() };
+        text(area, unit, (RIGHT + 12.0, bottom + 15.0), look)?;
+        rectangle(area, (LEFT, top), (LEFT + 1.0, bottom + 5.0), &FAINT)?;
+        rectangle(area, (LEFT, bottom), (RIGHT, bottom + 1.0), &FAINT)
+    }
+}
+
+/// A rectangle of the chart: one bar, or several that are too thin to be drawn alone.
+struct Block {
+    left: f64,
+    right: f64,
+    color: RGBColor,
+}
+
+/// Turns bars in order of time into rectangles.
+fn blocks(bars: &[Bar<'_>], x: impl Fn(f64) -> f64) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    let mut index = 0;
+    while let Some(bar) = bars.get(index) {
+        let left = x(bar.start_s);
+        let is_thin = |bar: &Bar<'_>| x(bar.end_s) - x(bar.start_s) < THIN && bar.activity.kind == ActivityKind::Launch;
+        let mut end = index + 1;
+        if is_thin(bar) {
+            end += bars[end..].iter().take_while(|bar| is_thin(bar) && x(bar.end_s) - left < GROUP).count();
+        }
+        let group = &bars[index..end];
+        let right = group.last().map_or(left, |bar| x(bar.end_s));
+        let color = match bar.activity.kind {
+            ActivityKind::Estimate => ESTIMATE,
+            ActivityKind::Launch if group.len() == 1 => LAUNCH[index % 2],
+            ActivityKind::Launch => {
+                // As a row of thin bars would look from afar: both blues, paler where the device paused.
+                let busy: f64 = group.iter().map(|bar| x(bar.end_s) - x(bar.start_s)).sum();
+                mixed(IDLE, mixed(LAUNCH[0], LAUNCH[1], 0.5), (busy / (right - left)).clamp(0.0, 1.0))
+            }
+        };
+        blocks.push(Block { left, right, color });
+        index = end;
+    }
+    blocks
+}
+
+fn mixed(a: RGBColor, b: RGBColor, share_of_b: f64) -> RGBColor {
+    let mix = |a: u8, b: u8| (f64::from(a) + (f64::from(b) - f64::from(a)) * share_of_b).round() as u8;
+    RGBColor(mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
+}
+
+/// At most `most` characters, at least 1; what is too much is taken from the middle, since devices of one machine often
+/// differ at the end of their names.
+fn shortened(text: &str, most: usize) -> String {
+    let count = text.chars().count();
+    if count <= most {
+        return text.to_owned();
+    }
+    let tail = (most - 1) / 3;
+    text.chars().take(most - 1 - tail).chain(['…']).chain(text.chars().skip(count - tail)).collect()
+}
+
+fn units(pixels: f64) -> i32 {
+    (pixels * UNITS).round() as i32
+}
+
+fn rectangle(area: &Area<'_>, from: (f64, f64), to: (f64, f64), color: &RGBColor) -> Drawn {
+    // At least one unit wide, or nothing would be seen of it.
+    let right = units(to.0).max(units(from.0) + 1);
+    area.draw(&Rectangle::new([(units(from.0), units(from.1)), (right, units(to.1))], color.filled()))
+}
+
+/// How text looks: size in pixels, and which end of it is at the place given. Its middle is at the height given.
+#[derive(Clone, Copy)]
+struct Look {
+    size: f64,
+    bold: bool,
+    color: RGBColor,
+    align: HPos,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { size: 13.0, bold: false, color: INK, align: HPos::Left }
+    }
+}
+
+fn text(area: &Area<'_>, text: &str, at: (f64, f64), look: Look) -> Drawn {
+    let style = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
+    let font = ("sans-serif", units(look.size), style).into_font().color(&look.color);
+    let style = font.pos(Pos::new(look.align, VPos::Center));
+    area.draw(&Text::new(text.to_owned(), (units(at.0), units(at.1)), style))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples::{launch, run};
+    use super::*;
+
+    #[test]
+    fn the_chart_names_devices_and_is_shown_in_pixels() {
+        let svg = draw(&[run(2, vec![launch(0, 0.0, 2.0), launch(1, 0.0, 1.0)])]).unwrap();
+        assert!(svg.contains("width=\"1200\""), "plotters no longer writes the size as expected");
+        assert!(svg.contains("a &lt;device&gt;"));
+        assert!(svg.contains("imbalance 1.00 %"));
+    }
+
+    #[test]
+    fn odd_runs_draw_something() {
+        let mut odd = run(1, vec![launch(0, 1.0, 1.0), launch(0, f64::NAN, f64::INFINITY)]);
+        odd.report.makespan_s = f64::NAN;
+        odd.report.devices[0].error = Some("unplugged".to_owned());
+        assert!(draw(&[odd]).unwrap().contains("unplugged"));
+        assert!(draw(&[run(0, Vec::new())]).is_ok());
+        assert!(draw(&[]).unwrap().contains("nothing was traced"));
+        assert!(draw(&vec![run(300, vec![launch(299, 0.0, 1.0)]); 40]).unwrap().contains("16 longest of 40"));
+    }
+
+    #[test]
+    fn long_names_keep_both_ends() {
+        assert_eq!(shortened("AMD EPYC 9654 96-Core, cores 4-7", 16), "AMD EPYC 9…s 4-7");
+        assert_eq!(shortened("short", 5), "short");
+    }
+
+    // Fails when `blocks` draws every bar alone: 100,000 rectangles of a hundred bytes each.
+    #[test]
+    fn many_launches_stay_a_small_file() {
+        let many = (0..100_000).map(|i| launch(0, f64::from(i) * 2e-5, f64::from(i + 1) * 2e-5)).collect();
+        assert!(draw(&[run(1, many)]).unwrap().len() < 200_000);
+    }
+}

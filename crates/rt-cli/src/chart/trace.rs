@@ -1,0 +1,115 @@
+//! `trace.json`: a run as Chrome trace events, which Perfetto (<https://ui.perfetto.dev>) opens.
+//!
+//! Format: *Trace Event Format* (Google, 2016), complete events `"X"` and metadata events `"M"`. One process per node,
+//! one thread per device, and one more for the streams.
+
+use super::bars;
+use crate::output::write_atomically;
+use anyhow::Result;
+use rt_balance::report::{ActivityKind, StreamRun};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Process id of the events: the node's number, and there is one node.
+const NODE: u32 = 0;
+
+/// Writes the run's activities, one event a line.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_json(path: &Path, runs: &[StreamRun]) -> Result<()> {
+    write_atomically(path, |out| {
+        write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
+        for (index, event) in events(runs).enumerate() {
+            out.write_all(if index == 0 { b"\n" } else { b",\n" })?;
+            serde_json::to_writer(&mut *out, &event)?;
+        }
+        Ok(out.write_all(b"\n]}\n")?)
+    })
+}
+
+fn events(runs: &[StreamRun]) -> impl Iterator<Item = Value> {
+    let devices = runs.iter().map(|run| bars::rows(run).len()).max().unwrap_or(0);
+    names(runs, devices).into_iter().chain(runs.iter().flat_map(move |run| {
+        let (start, end) = bars::extent(run);
+        let report = &run.report;
+        let args = json!({
+            "frame": report.frame, "wave": report.wave, "rays": report.rays, "tasks": report.tasks,
+            "makespan_s": report.makespan_s, "imbalance": report.imbalance, "excess": report.excess,
+            "estimator": report.estimate.estimator, "estimate_s": report.estimate.seconds,
+        });
+        let stream = complete(&report.kind, "stream", devices, start, end, args);
+        std::iter::once(stream).chain(activities(run))
+    }))
+}
+
+fn activities(run: &StreamRun) -> impl Iterator<Item = Value> {
+    bars::rows(run).into_iter().flatten().map(|bar| {
+        let activity = bar.activity;
+        let category = match activity.kind {
+            ActivityKind::Estimate => "estimate",
+            ActivityKind::Launch => "launch",
+        };
+        let args = json!({
+            "stream": run.report.kind, "frame": run.report.frame, "wave": run.report.wave,
+            "tasks": activity.tasks.len(), "first_task": activity.tasks.first(), "rays": activity.rays,
+            "predicted_s": activity.predicted_s, "measured_s": activity.end_s - activity.start_s,
+        });
+        let name = format!("{category}, {}", run.report.kind);
+        complete(&name, category, activity.device, bar.start_s, bar.end_s, args)
+    })
+}
+
+/// A complete event; the format counts in microseconds.
+fn complete(name: &str, category: &str, thread: usize, start_s: f64, end_s: f64, args: Value) -> Value {
+    json!({
+        "name": name, "cat": category, "ph": "X", "pid": NODE, "tid": thread,
+        "ts": start_s * 1e6, "dur": (end_s - start_s) * 1e6, "args": args,
+    })
+}
+
+/// What the viewer writes beside the rows, and their order.
+fn names(runs: &[StreamRun], devices: usize) -> Vec<Value> {
+    let metadata = |what: &str, thread: usize, args: Value| json!({"name": what, "ph": "M", "pid": NODE, "tid": thread, "args": args});
+    let mut names = vec![metadata("process_name", 0, json!({"name": format!("node {NODE}")}))];
+    for device in 0..devices {
+        let report = runs.iter().find_map(|run| run.report.devices.get(device));
+        let name = report.map_or(String::new(), |report| format!(": {} ({})", report.name, report.backend));
+        names.push(metadata("thread_name", device, json!({"name": format!("device {device}{name}")})));
+        names.push(metadata("thread_sort_index", device, json!({"sort_index": device + 1})));
+    }
+    names.push(metadata("thread_name", devices, json!({"name": "streams"})));
+    names.push(metadata("thread_sort_index", devices, json!({"sort_index": 0})));
+    names
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::samples::{launch, run};
+    use super::*;
+
+    #[test]
+    fn every_activity_is_an_event_in_microseconds() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("trace.json");
+        write_json(&path, &[run(2, vec![launch(1, 0.5, 2.0), launch(0, 0.0, 1.0)])]).unwrap();
+        let trace: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let events = trace["traceEvents"].as_array().unwrap();
+        let launches: Vec<&Value> = events.iter().filter(|event| event["cat"] == "launch").collect();
+        assert_eq!(launches.len(), 2);
+        assert_eq!(launches[1]["ts"], 500_000.0);
+        assert_eq!(launches[1]["dur"], 1_500_000.0);
+        assert_eq!((&launches[1]["tid"], &launches[1]["ph"]), (&json!(1), &json!("X")));
+        assert_eq!(launches[1]["args"]["measured_s"], 1.5);
+        let threads = events.iter().filter(|event| event["name"] == "thread_name").count();
+        assert_eq!(threads, 3, "two devices and the streams");
+    }
+
+    #[test]
+    fn no_run_is_an_empty_trace() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("trace.json");
+        write_json(&path, &[]).unwrap();
+        assert!(serde_json::from_slice::<Value>(&std::fs::read(&path).unwrap()).is_ok());
+    }
+}

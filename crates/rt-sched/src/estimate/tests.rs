@@ -1,0 +1,220 @@
+//! Estimators against counts that are known.
+
+use super::*;
+use crate::sample::{Fraction, RaySampler};
+use alloc::boxed::Box;
+use alloc::vec;
+use alloc::vec::Vec;
+use proptest::prelude::*;
+use rt_core::{
+    CostModel, LaunchRecord, ReducedWalk, StreamKind, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
+};
+
+fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
+    RayStream { kind, tasks, seed }
+}
+
+/// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
+fn estimate(
+    estimator: &mut dyn CostEstimator,
+    stream: RayStream<'_>,
+    counts: &dyn Fn(u32) -> TestCounts,
+) -> (Vec<Work>, usize) {
+    let mut walked = 0;
+    let mut rays = Vec::new();
+    let mut seen = Vec::new();
+    for _ in 0..10 {
+        match estimator.next(stream, Observation { rays: &rays, counts: &seen }) {
+            Step::Done(work) => return (work, walked),
+            Step::Sample { rays: asked, .. } => {
+                walked += asked.len();
+                seen = asked.iter().map(|&ray| counts(ray)).collect();
+                rays = asked;
+            }
+        }
+    }
+    panic!("the estimator asks for ever");
+}
+
+/// Skewed counts without order, as diffuse rays have.
+fn diffuse(ray: u32) -> TestCounts {
+    let [a, b] = random::pair(3, ray, 0);
+    let [c, _] = random::pair(3, ray, 1);
+    TestCounts { boxes: (10.0 + 60.0 * a + 30.0 * a * b) as u32, triangles: (8.0 * c) as u32 }
+}
+
+/// Counts that change slowly along the stream, with some noise, as primary rays have.
+fn primary(ray: u32) -> TestCounts {
+    let slow = libm::sinf(ray as f32 / 150.0) + libm::sinf(ray as f32 / 37.0);
+    let [a, _] = random::pair(4, ray, 0);
+    TestCounts { boxes: (60.0 + 20.0 * slow + 20.0 * a) as u32, triangles: 5 }
+}
+
+fn truth(task: Task, counts: &dyn Fn(u32) -> TestCounts) -> f64 {
+    task.range().map(|ray| f64::from(counts(ray).boxes + counts(ray).triangles)).sum()
+}
+
+#[test]
+fn uniform_work_is_rays_and_every_model_prices_it() {
+    let tasks = tasks_of(10, 4);
+    let (work, walked) = estimate(&mut Uniform, stream(StreamKind::Custom, &tasks, 0), &diffuse);
+    assert_eq!(work.iter().map(Work::rays).collect::<Vec<_>>(), [4.0, 4.0, 2.0]);
+    let boxes_only = CostModel::new(0.0, 0.0, 1.0, 0.0).expect("valid");
+    assert!(work.iter().all(|w| boxes_only.seconds(w) > 0.0));
+    assert_eq!(walked, 0);
+}
+
+#[test]
+fn names_tell_the_walk() {
+    assert_eq!(Sampled::new(Walk::Full, Fraction::ONE).name(), "exact");
+    for reading in [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened] {
+        let mut reduced = Sampled::new(Walk::Reduced(reading), Fraction::EIGHTH);
+        assert_eq!(reduced.name(), "reduced");
+        let tasks = tasks_of(64, 64);
+        match reduced.next(stream(StreamKind::Primary, &tasks, 1), Observation::default()) {
+            Step::Sample { rays, walk } => assert_eq!((rays.len(), walk), (8, Walk::Reduced(reading))),
+            Step::Done(_) => panic!("nothing was walked yet"),
+        }
+    }
+}
+
+#[test]
+fn a_stream_that_was_abandoned_is_begun_anew() {
+    let mut estimator = Sampled::new(Walk::Full, Fraction::EIGHTH);
+    let tasks = tasks_of(640, 64);
+    let stream = stream(StreamKind::Primary, &tasks, 1);
+    let first = estimator.next(stream, Observation::default());
+    assert_eq!(estimator.next(stream, Observation::default()), first);
+    let (rays, counts) = ([1, 2, 3], [TestCounts::default(); 3]);
+    assert_eq!(estimator.next(stream, Observation { rays: &rays, counts: &counts }), first, "an answer to nothing");
+    assert_eq!(estimate(&mut estimator, stream, &primary).0.len(), 10);
+    assert_eq!(estimate(&mut estimator, stream, &primary).1, 80, "the same estimator serves the next stream");
+    for tasks in [vec![], vec![Task { first: 0, rays: 0 }]] {
+        let empty = RayStream { tasks: &tasks, ..stream };
+        assert_eq!(estimate(&mut estimator, empty, &primary), (vec![Work::default(); tasks.len()], 0));
+    }
+}
+
+/// Share of 1,000 trials in which the 95% interval holds the truth.
+fn coverage(kind: StreamKind, fraction: f64, counts: &dyn Fn(u32) -> TestCounts) -> f64 {
+    let fraction = Fraction::new(fraction).expect("valid");
+    let tasks = tasks_of(1_024 * 1_000, 1_024);
+    let mut estimator = Sampled::new(Walk::Full, fraction);
+    let (work, _) = estimate(&mut estimator, stream(kind, &tasks, 11), counts);
+    let holds = |(task, work): &(&Task, &Work)| {
+        let half = interval_95(work, fraction.of(1_024)).expect("enough samples");
+        (f64::from(work.tests()) - truth(**task, counts)).abs() <= half
+    };
+    tasks.iter().zip(&work).filter(holds).count() as f64 / 1_000.0
+}
+
+/// Mutants: no finite population correction (fails at one half), the normal quantile instead of Student's (at 8
+/// samples), `n` instead of `n − 1`, successive differences without the 2.
+#[test]
+fn intervals_hold_what_they_say() {
+    for fraction in [1.0 / 128.0, 1.0 / 32.0, 0.125, 0.5] {
+        let random = coverage(StreamKind::Diffuse(0), fraction, &diffuse);
+        assert!((0.93..=0.97).contains(&random), "random, {fraction}: {random}");
+        let strided = coverage(StreamKind::Primary, fraction, &primary);
+        assert!(strided >= 0.93, "strided, {fraction}: {strided}");
+    }
+}
+
+#[test]
+fn errors_of_few_samples_are_not_invented() {
+    let tasks = tasks_of(100, 100);
+    for (fraction, known, interval) in
+        [(0.01, false, false), (0.02, true, false), (0.08, true, true), (1.0, true, true)]
+    {
+        let fraction = Fraction::new(fraction).expect("valid");
+        let mut estimator = Sampled::new(Walk::Full, fraction);
+        let (work, _) = estimate(&mut estimator, stream(StreamKind::Diffuse(1), &tasks, 5), &diffuse);
+        assert_eq!(work[0].std_error().is_some(), known, "{fraction}");
+        assert_eq!(interval_95(&work[0], fraction.of(100)).is_some(), interval, "{fraction}");
+    }
+}
+
+#[test]
+fn strided_samples_serve_coherent_rays_better() {
+    let task = Task { first: 0, rays: 1_024 };
+    let error = |sampler: RaySampler| {
+        let off = (0..200).map(|seed| {
+            let mut rays = Vec::new();
+            let n = sampler.sample(task, Fraction::new(1.0 / 32.0).expect("valid"), seed, &mut rays);
+            let sum: f64 = rays.iter().map(|&ray| f64::from(primary(ray).boxes + primary(ray).triangles)).sum();
+            (sum * 1_024.0 / f64::from(n) - truth(task, &primary)).abs()
+        });
+        off.sum::<f64>()
+    };
+    assert!(error(RaySampler::Strided) < 0.6 * error(RaySampler::Random));
+}
+
+/// A launch of all tasks in which task `t` took `factor(t)` times what was predicted.
+fn learn(history: &mut History, stream: RayStream<'_>, work: &[Work], factor: &dyn Fn(u32) -> f64) {
+    let outcome = |(task, w): (u32, &Work)| {
+        let predicted_s = f64::from(w.tests()) * 1e-9;
+        TaskOutcome { task, predicted_s, measured_s: predicted_s * factor(task) }
+    };
+    let outcomes: Vec<TaskOutcome> = (0..).zip(work).map(outcome).collect();
+    history.learn(&LaunchRecord { stream, work, device: 0, outcomes: &outcomes });
+}
+
+#[test]
+fn history_asks_once_and_then_remembers_what_was_measured() {
+    let tasks = tasks_of(256, 64);
+    let stream = stream(StreamKind::Primary, &tasks, 1);
+    let mut history = History::new(Box::new(Sampled::new(Walk::Full, Fraction::ONE)));
+    let (first, walked) = estimate(&mut history, stream, &primary);
+    assert_eq!(walked, 256);
+    learn(&mut history, stream, &first, &|task| [1.0, 2.0, 0.5, 1_000.0][task as usize]);
+    let (second, walked) = estimate(&mut history, stream, &primary);
+    assert_eq!(walked, 0);
+    let factors: Vec<f32> = first.iter().zip(&second).map(|(a, b)| b.tests() / a.tests()).collect();
+    assert_eq!(factors, [1.0, 2.0, 0.5, 4.0], "corrected, but not by a disturbance");
+    let diffuse_stream = RayStream { kind: StreamKind::Diffuse(0), ..stream };
+    assert_eq!(estimate(&mut history, diffuse_stream, &diffuse).1, 256, "another kind is another history");
+    learn(&mut history, diffuse_stream, &first, &|_| f64::NAN);
+    let (third, walked) = estimate(&mut history, stream, &primary);
+    assert_eq!((third, walked), (second, 0), "undisturbed by the other kind");
+    assert_eq!(History::default().name(), "history");
+}
+
+proptest! {
+    /// Every ray walked gives the exact sums.
+    ///
+    /// Mutants: `scale` inverted; the samples of one task more or less in `split_at`.
+    #[test]
+    fn walking_every_ray_is_exact(rays in 1_u32..3_000, size in 1_u32..400, seed: u32) {
+        let tasks = tasks_of(rays, size);
+        for kind in [StreamKind::Primary, StreamKind::Diffuse(0)] {
+            let mut estimator = Sampled::new(Walk::Full, Fraction::ONE);
+            let (work, walked) = estimate(&mut estimator, stream(kind, &tasks, seed), &diffuse);
+            prop_assert_eq!(walked, rays as usize);
+            for (work, task) in work.iter().zip(&tasks) {
+                prop_assert!((f64::from(work.tests()) / truth(*task, &diffuse) - 1.0).abs() < 1e-6);
+                prop_assert_eq!(work.std_error(), Some(0.0));
+            }
+        }
+    }
+
+    /// Cut differently, a stream keeps its cost per ray: the total scales with the rays, a uniform stream stays so.
+    ///
+    /// Mutants: `ratio` inverted; `left` not reduced; a new task that begins at the next old task.
+    #[test]
+    fn history_is_resampled_as_a_density(
+        rays in 1_u32..5_000, size in 1_u32..700, other_rays in 1_u32..5_000, other_size in 1_u32..700,
+    ) {
+        let (old, new) = (tasks_of(rays, size), tasks_of(other_rays, other_size));
+        let mut history = History::new(Box::new(Sampled::new(Walk::Full, Fraction::ONE)));
+        let (before, _) = estimate(&mut history, stream(StreamKind::Custom, &old, 0), &diffuse);
+        let (after, walked) = estimate(&mut history, stream(StreamKind::Custom, &new, 0), &diffuse);
+        prop_assert_eq!((walked, after.len()), (0, new.len()));
+        let per_ray = |work: &[Work], rays: u32| work.iter().map(|w| f64::from(w.tests())).sum::<f64>() / f64::from(rays);
+        let [a, b] = [per_ray(&before, rays), per_ray(&after, other_rays)];
+        prop_assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
+        let mut uniform = History::new(Box::new(Uniform));
+        estimate(&mut uniform, stream(StreamKind::Custom, &old, 0), &diffuse);
+        let (after, _) = estimate(&mut uniform, stream(StreamKind::Custom, &new, 0), &diffuse);
+        prop_assert!(after.iter().all(|w| (w.boxes() / w.rays() - 1.0).abs() < 1e-3));
+    }
+}
