@@ -10,10 +10,10 @@ use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
 use rt_benches::{BenchScene, median};
 use rt_core::{CostEstimator, ReducedWalk, Walk};
+use rt_scene::streams::Spawner;
 use rt_sched::estimate::{Sampled, Uniform};
 use rt_sched::policy::{Block, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
-use rt_scene::streams::Spawner;
 use std::error::Error;
 use std::sync::Arc;
 
@@ -155,7 +155,9 @@ fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], refer
         reference.lower_bound_s,
         rounds.len()
     );
-    println!("| queue | makespan s (min – max) | imbalance % | excess % | overhead % | error vs counts % | vs time % |");
+    println!(
+        "| queue | makespan s (min – max) | imbalance % | excess % | overhead % | error vs counts % | vs time % |"
+    );
     println!("|---|---|---|---|---|---|---|");
     for (index, config) in CONFIGS.iter().enumerate() {
         let values = |of: &dyn Fn(&StreamRun) -> Option<f64>| -> Vec<f64> {

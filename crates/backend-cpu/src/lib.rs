@@ -11,6 +11,7 @@
 
 mod device;
 mod executor;
+mod stopwatch;
 mod tracer;
 
 pub use device::{CpuDevice, OpenError};

@@ -1,6 +1,7 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
+use crate::stopwatch::Stopwatch;
 use rt_bvh::Stack;
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
@@ -9,7 +10,7 @@ use rt_core::{
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Rays that one thread traces before it looks for more work: large enough to hide the hand-over (about 1 µs), small
 /// enough that a task of 32 × 32 pixels still feeds every thread of a large device.
@@ -249,7 +250,7 @@ impl Worker {
         done: Option<&RayMask>,
         piece: Piece<'_>,
     ) {
-        let begin = Instant::now();
+        let watch = Stopwatch::start();
         let wanted = |i: &usize| done.is_none_or(|mask| !mask.contains(piece.first + *i as u32));
         let slots = (0..piece.hits.len()).filter(wanted);
         let mut filled = slots.clone();
@@ -262,7 +263,7 @@ impl Worker {
                 }
             }
         });
-        *piece.seconds = begin.elapsed().as_secs_f32();
+        *piece.seconds = watch.seconds();
     }
 
     fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {

@@ -1,7 +1,7 @@
 //! The balancer: one scene, several devices, and what was learned about them.
 
 use crate::estimate::estimate;
-use crate::measure::{Times, measure, teach};
+use crate::measure::{Times, learn_launches, learn_walks, measure};
 use crate::models::Models;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
@@ -131,6 +131,7 @@ impl Balancer {
         let outputs = Mutex::new(Outputs { hits, counts });
         self.load(stream)?;
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
+        learn_walks(&mut self.members, stream, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
         let planned = clock::now();
         let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
@@ -144,7 +145,7 @@ impl Balancer {
                 outcomes: &launch.outcomes,
             });
         }
-        teach(&mut self.members, stream, &estimated, &plan, &ran);
+        learn_launches(&mut self.members, stream, &plan, &ran);
         let times = Times { origin: self.origin, begin, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
     }

@@ -82,11 +82,15 @@ pub(crate) fn measure(
     }
 }
 
-/// Adds every walk and launch to the cost models of the devices.
-pub(crate) fn teach(members: &mut [Member], stream: &Stream, estimated: &Estimated, plan: &Plan, ran: &Ran) {
+/// Adds the estimation's walks to the cost models: before the first launch they are all that is known of speeds.
+pub(crate) fn learn_walks(members: &mut [Member], stream: &Stream, estimated: &Estimated) {
     for walk in &estimated.walks {
         members[walk.member].models.walked(stream.kind, walk);
     }
+}
+
+/// Adds every launch to the cost models.
+pub(crate) fn learn_launches(members: &mut [Member], stream: &Stream, plan: &Plan, ran: &Ran) {
     for launch in &ran.launches {
         let left = |task: TaskId| &plan.left[task as usize];
         members[launch.member].models.launched(stream.kind, launch, left);

@@ -11,9 +11,9 @@ fn main() -> anyhow::Result<()> {
     let folder = Path::new(&folder);
     let runs = [
         stream(StreamKind::Primary, 0.0, &[1.0, 2.0, 4.0], 14),
-        stream(StreamKind::Shadow(0), 0.61, &[1.0, 2.0, 4.0], 700),
-        with_lost_device(stream(StreamKind::Diffuse(0), 0.9, &[1.0, 2.0, 4.0], 40)),
-        stream(StreamKind::Diffuse(1), 1.7, &[1.0; 64], 6),
+        stream(StreamKind::Shadow(0), 0.4, &[1.0, 2.0, 4.0], 700),
+        with_lost_device(stream(StreamKind::Diffuse(0), 0.95, &[1.0, 2.0, 4.0], 40)),
+        stream(StreamKind::Diffuse(1), 1.5, &[1.0; 64], 6),
     ];
     timeline::write_svg(&folder.join("timeline.svg"), &runs)?;
     trace::write_json(&folder.join("trace.json"), &runs)?;
@@ -82,12 +82,12 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
             estimator: "strided".to_owned(),
             fraction: 1.0 / 64.0,
             seconds: 0.006,
-            overhead: 0.01,
+            overhead: Some(0.01),
             mre_counts: Some(0.012),
             mre_time: Some(0.05),
         },
         makespan_s,
-        imbalance: 0.0172,
+        imbalance: Some(0.0172),
         lower_bound_s: Some(makespan_s * 0.99),
         excess: Some(0.0101),
         devices,
@@ -101,6 +101,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
         measured_s: Vec::new(),
         device_of: Vec::new(),
         activities,
+        reference_s: None,
     }
 }
 

@@ -6,7 +6,7 @@ use anyhow::Result;
 use glam::Vec3;
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::{Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec};
+use rt_core::{Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec, random};
 use rt_scene::Model;
 use rt_scene::streams::Spawner;
 use std::sync::Arc;
@@ -52,6 +52,24 @@ pub(crate) struct Renderer<'a> {
     pub(crate) cancel: &'a AtomicBool,
 }
 
+/// Devices, schedule, and what was recorded of each stream so far.
+#[derive(Debug)]
+pub(crate) struct Session {
+    pub(crate) balancer: Balancer,
+    pub(crate) scheduling: Scheduling,
+    pub(crate) runs: Vec<StreamRun>,
+}
+
+/// A part of one frame that fits the memory.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wave<'a> {
+    pub(crate) camera: Camera,
+    pub(crate) frame: u32,
+    pub(crate) number: u32,
+    /// In Z-curve order, each `x | y << 16`.
+    pub(crate) pixels: &'a Arc<[u32]>,
+}
+
 /// Sums of radiance over the samples of each pixel, row by row.
 #[derive(Clone, Debug)]
 pub(crate) struct Film {
@@ -87,30 +105,17 @@ struct Front {
 }
 
 impl Renderer<'_> {
-    /// Renders the pixels of one wave into `film` and appends what was recorded of each stream to `runs`.
-    pub(crate) fn wave(
-        &self,
-        balancer: &mut Balancer,
-        scheduling: &mut Scheduling,
-        camera: Camera,
-        at: (u32, u32),
-        pixels: &Arc<[u32]>,
-        film: &mut Film,
-        runs: &mut Vec<StreamRun>,
-    ) -> Result<()> {
-        let (frame, _) = at;
-        // Frames of an orbit must not repeat their noise; runs with one seed must.
-        let seed = self.seed.wrapping_add(frame.wrapping_mul(0x9e37_79b9));
+    /// Renders the pixels of one wave into `film`.
+    pub(crate) fn wave(&self, session: &mut Session, wave: Wave<'_>, film: &mut Film) -> Result<()> {
+        // Frames and waves number their rays from 0 but must not repeat their noise; runs with one seed must.
+        let [seed, ..] = random::pcg3d([self.seed, wave.frame, wave.number]);
+        let Wave { camera, pixels, .. } = wave;
         let rays = CameraRays { camera, size: self.size, pixels: Arc::clone(pixels), samples: self.samples, seed };
         let pixels: Vec<u32> =
             pixels.iter().flat_map(|&pixel| std::iter::repeat_n(pixel, self.samples as usize)).collect();
         let throughput = vec![Vec3::ONE; pixels.len()];
         let mut front = Front { source: RaySource::Camera(Arc::new(rays)), pixels, throughput };
-        let mut run = |stream: Stream| -> Result<Vec<Hit>> {
-            let (record, hits) = self.trace(balancer, scheduling, stream, at)?;
-            runs.push(record);
-            Ok(hits)
-        };
+        let mut run = |stream: Stream| self.trace(session, Stream { frame: wave.frame, wave: wave.number, ..stream });
         for bounce in 0..=self.bounces {
             let kind = if bounce == 0 { StreamKind::Primary } else { StreamKind::Diffuse(bounce - 1) };
             let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
@@ -140,14 +145,9 @@ impl Renderer<'_> {
         Stream { seed: self.seed, ..Stream::new(source, kind, spec).with_task_size(size) }
     }
 
-    fn trace(
-        &self,
-        balancer: &mut Balancer,
-        scheduling: &mut Scheduling,
-        stream: Stream,
-        (frame, wave): (u32, u32),
-    ) -> Result<(StreamRun, Vec<Hit>)> {
-        let stream = Stream { frame, wave, ..stream };
+    /// Traces a stream and records it.
+    fn trace(&self, session: &mut Session, stream: Stream) -> Result<Vec<Hit>> {
+        let Session { balancer, scheduling, runs } = session;
         let mut hits = vec![Hit::MISS; stream.source.len() as usize];
         let bar = progress::bar("tracing", stream.source.len().into());
         let show = |done, _| bar.set_position(done);
@@ -158,7 +158,8 @@ impl Renderer<'_> {
         if self.reference && !stream.tasks.is_empty() {
             balancer.reference(&stream, REFERENCE_PASSES)?.judge(&mut run);
         }
-        Ok((run, hits))
+        runs.push(run);
+        Ok(hits)
     }
 
     fn add_misses(&self, front: &Front, hits: &[Hit], film: &mut Film) {

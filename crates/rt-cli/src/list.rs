@@ -25,7 +25,9 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
         table.row(vec![info.name.clone(), info.backend.to_owned(), info.units.to_string()]);
     }
     print!("{table}");
-    println!("\n  --devices cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed.");
+    println!(
+        "\n  --devices cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed."
+    );
     Ok(())
 }
 
@@ -34,9 +36,7 @@ pub(crate) fn scenes(as_json: bool) -> Result<()> {
     let triangles = |name| generate(name).map_or(0, |model| model.indices.len());
     let entries = scenes::SCENES.map(|entry| (entry, triangles(entry.name)));
     if as_json {
-        let object = |(entry, triangles): (scenes::SceneEntry, usize)| {
-            json!({ "name": entry.name, "triangles": triangles, "description": entry.description })
-        };
+        let object = |(entry, triangles): (scenes::SceneEntry, usize)| json!({ "name": entry.name, "triangles": triangles, "description": entry.description });
         println!("{}", serde_json::to_string_pretty(&entries.map(object).to_vec())?);
         return Ok(());
     }

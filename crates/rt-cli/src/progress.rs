@@ -1,7 +1,6 @@
 //! Progress on a terminal, silence elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::time::Duration;
 
 /// How often a bar is redrawn.
 const REFRESH_HZ: u8 = 10;
@@ -14,12 +13,4 @@ pub(crate) fn bar(label: &'static str, total: u64) -> ProgressBar {
     }
     bar.set_message(label);
     bar
-}
-
-/// A spinner for work of unknown length.
-pub(crate) fn spinner(label: &'static str) -> ProgressBar {
-    let spinner = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr_with_hz(REFRESH_HZ));
-    spinner.set_message(label);
-    spinner.enable_steady_tick(Duration::from_millis(250));
-    spinner
 }

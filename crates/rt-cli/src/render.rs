@@ -1,7 +1,7 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::frame::{BYTES_PER_RAY, Film, Renderer};
+use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
@@ -22,12 +22,13 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     interrupt::watch();
     let start = Instant::now();
-    let mut scheduling = args.balance.scheduling()?;
+    let scheduling = args.balance.scheduling()?;
     let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::new(prepared.built.scene.clone());
     let devices = devices::open(args.balance.devices.as_deref())?;
-    let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let mut session = Session { balancer, scheduling, runs: Vec::new() };
 
     let extent = prepared.model.bounds().extent().length();
     let renderer = Renderer {
@@ -43,18 +44,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         cancel: interrupt::flag(),
     };
     let waves = streams::waves(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
-    let mut runs = Vec::new();
     let mut seconds = Seconds { load: prepared.load_s, build: prepared.build_s, ..Seconds::default() };
     for frame in 0..args.frames {
         let mut film = Film::new(args.size, args.spp);
         let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
         let camera = seen.camera().context("the camera of the orbit")?;
         let begin = Instant::now();
-        let before = runs.len();
-        for (wave, pixels) in waves.iter().enumerate() {
-            renderer.wave(&mut balancer, &mut scheduling, camera, (frame, wave as u32), pixels, &mut film, &mut runs)?;
+        let before = session.runs.len();
+        for (number, pixels) in (0..).zip(&waves) {
+            renderer.wave(&mut session, Wave { camera, frame, number, pixels }, &mut film)?;
         }
-        add_times(&mut seconds, &runs[before..], begin.elapsed().as_secs_f64());
+        add_times(&mut seconds, &session.runs[before..], begin.elapsed().as_secs_f64());
         let begin = Instant::now();
         write_picture(&args.out, frame, args, &film)?;
         seconds.write += begin.elapsed().as_secs_f64();
@@ -62,6 +62,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if interrupt::requested() {
         bail!("interrupted");
     }
+    let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
     write_charts(args, &waves, &runs)?;
     seconds.write += begin.elapsed().as_secs_f64();
@@ -118,34 +119,29 @@ fn write_picture(out: &Path, frame: u32, args: &RenderArgs, film: &Film) -> Resu
 }
 
 fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> Result<()> {
-    chart::timeline::write(&args.out.join("timeline.svg"), runs)?;
-    chart::trace::write(&args.out.join("trace.json"), runs)?;
-    let [width, height] = args.size;
-    let map = |cost: fn(&StreamRun) -> &[f64]| cost_map(args, waves, runs, cost);
-    let (estimated, measured) = (map(|run| &run.predicted_s), map(|run| &run.measured_s));
-    chart::cost::write(&args.out.join("cost.png"), width, height, &estimated, &measured)
-}
-
-/// Nanoseconds per ray of the first frame's primary tasks, for each pixel; NaN where unknown.
-fn cost_map(
-    args: &RenderArgs,
-    waves: &[Arc<[u32]>],
-    runs: &[StreamRun],
-    cost: impl Fn(&StreamRun) -> &[f64],
-) -> Vec<f32> {
-    let [width, height] = args.size.map(|n| n as usize);
-    let mut map = vec![f32::NAN; width * height];
-    let primary = runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
-    for (run, pixels) in primary.zip(waves) {
-        for (task, seconds) in run.tasks.iter().zip(cost(run)) {
-            let per_ray = (seconds / f64::from(task.rays) * 1e9) as f32;
-            for ray in task.range() {
-                let pixel = pixels[(ray / args.spp) as usize];
-                map[(pixel >> 16) as usize * width + (pixel & 0xffff) as usize] = per_ray;
-            }
-        }
-    }
-    map
+    chart::timeline::write_svg(&args.out.join("timeline.svg"), runs)?;
+    chart::trace::write_json(&args.out.join("trace.json"), runs)?;
+    let primary = || runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0).zip(waves);
+    let map = |seconds: fn(&StreamRun) -> &[f64]| {
+        let wave = |(run, pixels): (&StreamRun, &Arc<[u32]>)| {
+            chart::cost::per_pixel(args.size, pixels, args.spp, &run.tasks, seconds(run))
+        };
+        // Waves cover different pixels; elsewhere they are NaN, which the maximum ignores.
+        let overlay = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect();
+        primary().map(wave).reduce(overlay).unwrap_or_default()
+    };
+    let task_of = match (waves, primary().next()) {
+        ([pixels], Some((run, _))) => Some(chart::cost::tasks_per_pixel(args.size, pixels, args.spp, &run.tasks)),
+        _ => None,
+    };
+    let picture = chart::cost::CostPicture {
+        width: args.size[0],
+        height: args.size[1],
+        estimated: &map(|run| &run.predicted_s),
+        measured: &map(|run| &run.measured_s),
+        task_of: task_of.as_deref(),
+    };
+    chart::cost::write_png(&args.out.join("cost.png"), &picture)
 }
 
 pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {

@@ -78,8 +78,7 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
             bar.set_position(at.done_bytes);
         }
     };
-    let mut options = LoadOptions::default();
-    options.drop_invalid = drop_invalid;
+    let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
     let loaded = load_obj(path, &options, &mut show).map_err(|error| {
         // The library does not know the option's name.
         let invalid = matches!(error, LoadError::NotFinite { .. });

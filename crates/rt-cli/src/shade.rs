@@ -52,11 +52,7 @@ impl Light {
         const HORIZON: Vec3 = Vec3::new(0.86, 0.93, 1.0);
         const GROUND: Vec3 = Vec3::new(0.34, 0.33, 0.31);
         let height = direction.try_normalize().map_or(0.0, |d| d.dot(self.up));
-        if height >= 0.0 {
-            HORIZON.lerp(ZENITH, height.sqrt())
-        } else {
-            HORIZON.lerp(GROUND, (-height * 8.0).min(1.0))
-        }
+        if height >= 0.0 { HORIZON.lerp(ZENITH, height.sqrt()) } else { HORIZON.lerp(GROUND, (-height * 8.0).min(1.0)) }
     }
 
     /// Light a surface sends on from the sun, per unit of albedo; `facing` is the cosine to the sun.

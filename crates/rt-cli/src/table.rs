@@ -70,7 +70,16 @@ pub(crate) fn grouped(n: u64) -> String {
 /// What was balanced, stream by stream, and what each device did.
 pub(crate) fn streams(runs: &[StreamRun]) -> String {
     let mut streams = Table::new(&[
-        "stream", "rays", "tasks", "Mray/s", "estimate", "of trace", "err counts", "err time", "makespan", "imbalance",
+        "stream",
+        "rays",
+        "tasks",
+        "Mray/s",
+        "estimate",
+        "of trace",
+        "err counts",
+        "err time",
+        "makespan",
+        "imbalance",
         "excess",
     ]);
     for report in runs.iter().map(|run| &run.report) {

@@ -161,8 +161,8 @@ pub struct Launch {
     pub hits: Vec<Hit>,
     /// Exact counts beside the hits; empty unless the stream asked for them.
     pub counts: Vec<TestCounts>,
-    /// Device seconds of each task, in order (thread seconds divided by threads); empty where only the launch's time
-    /// is known.
+    /// Device seconds of each task, in order; empty where only the launch's time is known. On processors the threads'
+    /// own time divided by their number, so that what the system ran in between does not count.
     pub task_seconds: Vec<f32>,
     /// When the launch ran.
     pub span: Span,

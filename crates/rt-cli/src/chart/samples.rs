@@ -29,7 +29,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         estimator: "strided".to_owned(),
         fraction: 0.01,
         seconds: 0.1,
-        overhead: 0.05,
+        overhead: Some(0.05),
         mre_counts: None,
         mre_time: None,
     };
@@ -41,7 +41,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         tasks: 1024,
         estimate,
         makespan_s: 2.0,
-        imbalance: 0.01,
+        imbalance: Some(0.01),
         lower_bound_s: None,
         excess: None,
         devices: vec![device; devices],
@@ -55,5 +55,6 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         measured_s: Vec::new(),
         device_of: Vec::new(),
         activities,
+        reference_s: None,
     }
 }

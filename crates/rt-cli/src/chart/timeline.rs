@@ -181,13 +181,15 @@ impl<'a> Panel<'a> {
         let report = &self.run.report;
         let percent = |ratio: f64| format!("{} %", significant(ratio * 100.0));
         let mut summary = format!(
-            "{} rays in {} tasks, estimator {}  ·  makespan {}  ·  imbalance {}",
+            "{} rays in {} tasks, estimator {}  ·  makespan {}",
             grouped(u64::from(report.rays)),
             grouped(u64::from(report.tasks)),
             report.estimate.estimator,
-            duration(report.makespan_s),
-            percent(report.imbalance)
+            duration(report.makespan_s)
         );
+        if let Some(imbalance) = report.imbalance {
+            summary += &format!("  ·  imbalance {}", percent(imbalance));
+        }
         if let Some(excess) = report.excess {
             summary += &format!("  ·  excess {} over the lower bound", percent(excess));
         }
