@@ -2,6 +2,7 @@
 
 use backend_cpu::CpuDevice;
 use libtest_mimic::{Arguments, run};
+use rt_balance::middleware::{Fault, Faulty, Recorded, Throttled};
 use rt_core::Device;
 use rt_tests::conformance::{Subject, trials};
 use rt_tests::fake::FakeDevice;
@@ -14,6 +15,12 @@ fn main() {
     subjects.extend(cpu("4-threads", &[4]));
     // Two devices opened together, as the balancer uses them.
     subjects.extend(cpu("pair", &[1, 1]));
+    // Middleware keeps a device's promises, but for its speed.
+    let honest = || Arc::new(FakeDevice::honest());
+    let throttled = Throttled::new(honest(), 0.5).map(|device| Arc::new(device) as Arc<dyn Device>);
+    subjects.push(Subject::new("fake", "throttled", throttled.ok_or_else(|| "no such speed".to_owned())));
+    subjects.push(Subject::new("fake", "recorded", Ok(Arc::new(Recorded::new(honest())))));
+    subjects.push(Subject::new("fake", "not yet faulty", Ok(Arc::new(Faulty::new(honest(), Fault::Submit(u32::MAX))))));
     run(&arguments, trials(subjects)).exit();
 }
 

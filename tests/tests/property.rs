@@ -1,16 +1,17 @@
 //! Properties over random scenes: the exact reference, brute force and the trees agree.
 
+use glam::Vec3;
 use proptest::prelude::*;
 use rt_bvh::Builder;
-use rt_core::{Hit, Precision, Query, ReducedWalk, StreamSpec, Walk};
+use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, StreamSpec, Walk};
+use rt_tests::rays::{Aim, RayMaker};
 use rt_tests::reference::{Reference, Verdict};
-use rt_tests::{brute, strategy, tree};
+use rt_tests::{brute, exact, shapes, strategy, tree};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Guards against: a wrong sign in `Shear::intersect`, `<=` for `<` in its edge tests, an error bound of the
-    /// reference's filter that is too small.
+    /// Guards against: a wrong sign in `Shear::intersect` or in one of the reference's edge functions.
     #[test]
     fn brute_force_keeps_the_exact_reference((triangles, rays) in strategy::scene()) {
         let reference = Reference::new(&triangles);
@@ -19,6 +20,46 @@ proptest! {
             prop_assert!(verdict.admits(hit.primitive, hit.t), "{hit:?} but {verdict:?} for {ray:?}");
             prop_assert!(verdict.admits_presence(brute::any(&triangles, ray, *origin)));
             prop_assert_eq!(&hit, found, "the filter lost a triangle for {:?}", ray);
+        }
+    }
+
+    /// Guards against: an error bound of the reference's filter that is too small.
+    #[test]
+    fn the_filter_keeps_all_that_is_not_clearly_missed((triangles, rays) in strategy::scene()) {
+        let survivors = Reference::new(&triangles).survivors(&rays);
+        for (survivors, (ray, _)) in survivors.iter().zip(&rays) {
+            for (id, triangle) in triangles.iter().enumerate() {
+                let kept = survivors.contains(&(id as u32));
+                prop_assert!(kept || exact::contact(ray, triangle).is_none(), "lost {triangle:?} for {ray:?}");
+            }
+        }
+    }
+
+    /// Guards against: `<=` for `<` in the edge tests of `Shear::intersect`, edge functions that are not antisymmetric.
+    #[test]
+    fn closed_surfaces_do_not_leak(
+        levels in 0_u32..3,
+        offset in strategy::point(),
+        from in strategy::point(),
+        indices in prop::collection::vec(any::<u32>(), 1..60),
+    ) {
+        let triangles = shapes::moved(&shapes::icosphere(levels), offset);
+        let scene = tree::build(&triangles, Builder::Sah).map_err(TestCaseError::fail)?;
+        // Well inside: the icosahedron holds a sphere of radius 0.79.
+        let from = offset + from * (0.7 / 4.0);
+        let maker = RayMaker::new(&triangles, 1);
+        let aims = [Aim::Vertex, Aim::Edge, Aim::Axis, Aim::Random];
+        let inside = |(i, &index): (usize, &u32)| {
+            let (ray, _) = maker.ray(aims[i % aims.len()], index);
+            let target = if i % aims.len() < 2 { ray.origin + ray.direction - from } else { ray.direction };
+            (Ray::new(from, if target == Vec3::ZERO { Vec3::X } else { target }), u32::MAX)
+        };
+        let rays: Vec<_> = indices.iter().enumerate().map(inside).collect();
+        for precision in [Precision::Robust, Precision::Double] {
+            let (hits, _) = tree::trace(&scene, StreamSpec { precision, ..StreamSpec::default() }, &rays);
+            for (hit, (ray, _)) in hits.iter().zip(&rays) {
+                prop_assert!(hit.is_hit(), "{precision:?}: {ray:?} leaks");
+            }
         }
     }
 

@@ -3,10 +3,11 @@
 use super::Case;
 use super::fixtures::{self, Fixture};
 use super::session::{Session, ensure, same_hits};
+use crate::rays::{Aim, RayMaker};
 use crate::reference::Reference;
 use crate::{brute, shapes};
 use glam::Vec3;
-use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, intersect};
+use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
 
 pub(super) const CASES: &[Case] = &[
     Case { name: "equals_brute_force", run: equals_brute_force },
@@ -83,15 +84,10 @@ fn fast_is_nearly_right(device: &dyn Device) -> Result<(), String> {
             .filter(|&i| !fixture.verdicts[i].is_ambiguous() && launch.hits[i].primitive != fixture.hits[i].primitive)
             .collect();
         let share = |n: usize, of: usize| n as f64 / of.max(1) as f64;
-        ensure!(
-            share(wrong.len(), fixture.rays.len()) <= FAST_WRONG,
-            "{}: {} of {} rays wrong",
-            fixture.name,
-            wrong.len(),
-            fixture.rays.len()
-        );
-        let inside = crate::rays::RayMaker::new(&fixture.triangles, 12);
-        let rays: Vec<_> = (0..200).map(|i| inside.ray(crate::rays::Aim::Interior, i)).collect();
+        let (wrong, rays) = (wrong.len(), fixture.rays.len());
+        ensure!(share(wrong, rays) <= FAST_WRONG, "{}: {wrong} of {rays} rays wrong", fixture.name);
+        let maker = RayMaker::new(&fixture.triangles, 12);
+        let rays: Vec<_> = (0..200).map(|i| maker.ray(Aim::Interior, i)).collect();
         let launch = Session::whole(device, &fixture.scene, &rays, spec)?;
         let expected = rays.iter().map(|(ray, origin)| brute::closest(&fixture.triangles, ray, *origin));
         let wrong = launch.hits.iter().zip(expected).filter(|(a, b)| a.primitive != b.primitive).count();
@@ -120,7 +116,7 @@ fn reports_the_defined_bits(device: &dyn Device) -> Result<(), String> {
 /// Dyadic coordinates and rays along an axis: all arithmetic is exact, so every device sees the same ties.
 fn lowest_id_wins_ties(device: &dyn Device) -> Result<(), String> {
     let once = shapes::grid(4, 0.0, 0);
-    let turned = once.iter().map(|t| rt_core::Triangle::new(t.b, t.c, t.a));
+    let turned = once.iter().map(|t| Triangle::new(t.b, t.c, t.a));
     let triangles: Vec<_> = once.iter().rev().copied().chain(turned).chain(once.iter().copied()).collect();
     let down = |i: u32| {
         let at = Vec3::new((i % 17) as f32 / 16.0, 1.0, (i / 17) as f32 / 16.0);
@@ -158,7 +154,7 @@ fn closed_sphere_does_not_leak(device: &dyn Device) -> Result<(), String> {
 
 fn origin_primitive_is_left_out(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
-    let leaving = |(i, t): (usize, &rt_core::Triangle)| {
+    let leaving = |(i, t): (usize, &Triangle)| {
         let middle = (t.a + t.b + t.c) / 3.0;
         (Ray::new(middle, -middle), i as u32)
     };
