@@ -49,9 +49,8 @@ fn round_robin() -> Box<dyn Policy> {
     Box::new(RoundRobin)
 }
 
-const CONFIGS: [Config; 10] = [
+const CONFIGS: [Config; 9] = [
     row("static block, regular", QueueKind::Static, Some(block), Estimator::Uniform),
-    row("static block, cost-initialised", QueueKind::Static, Some(block), Estimator::Exact),
     row("static round robin, regular", QueueKind::Static, Some(round_robin), Estimator::Uniform),
     row("static LPT, cost-initialised", QueueKind::Static, None, Estimator::Exact),
     row("static LPT, reduced traversal", QueueKind::Static, None, Estimator::Reduced),
