@@ -4,11 +4,13 @@ use crate::progress;
 use crate::shade::{Light, facing_normal};
 use anyhow::Result;
 use glam::Vec3;
+use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::{Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec, random};
 use rt_scene::Model;
-use rt_scene::streams::Spawner;
+use rt_scene::streams::{Spawned, Spawner};
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -83,9 +85,17 @@ impl Film {
         Self { width, samples, sums: vec![Vec3::ZERO; width as usize * height as usize] }
     }
 
-    /// Adds to a pixel given as `x | y << 16`.
-    fn add(&mut self, pixel: u32, radiance: Vec3) {
-        self.sums[((pixel >> 16) * self.width + (pixel & 0xffff)) as usize] += radiance;
+    /// Adds what `shade` returns for `0..count`, in that order: a pixel (`x | y << 16`) and its radiance.
+    ///
+    /// Shading runs on all cores, adding does not, so that sums are the same bits on every machine.
+    fn add_all(&mut self, count: usize, shade: impl Fn(usize) -> Option<(u32, Vec3)> + Sync) {
+        for first in (0..count).step_by(SHADE_BATCH) {
+            let batch = first..count.min(first + SHADE_BATCH);
+            let shaded: Vec<Option<(u32, Vec3)>> = batch.into_par_iter().with_min_len(1024).map(&shade).collect();
+            for (pixel, radiance) in shaded.into_iter().flatten() {
+                self.sums[((pixel >> 16) * self.width + (pixel & 0xffff)) as usize] += radiance;
+            }
+        }
     }
 
     /// Mean radiance of each pixel.
@@ -93,6 +103,26 @@ impl Film {
         let scale = 1.0 / self.samples as f32;
         self.sums.iter().map(|&sum| sum * scale).collect()
     }
+}
+
+/// Rays shaded at once: enough to occupy every core, few enough that their 20 bytes each do not count as memory.
+const SHADE_BATCH: usize = 1 << 18;
+
+/// Hits that one core turns into rays at a time.
+const SPAWN_CHUNK: u32 = 1 << 14;
+
+/// Spawns from all hits on all cores; the rays are in the order of their parents, as if spawned on one.
+fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
+    let hits = hits as u32;
+    let chunks = (0..hits.div_ceil(SPAWN_CHUNK)).into_par_iter().map(|chunk| {
+        let first = chunk * SPAWN_CHUNK;
+        from(first..hits.min(first + SPAWN_CHUNK))
+    });
+    let mut all = Spawned::default();
+    for chunk in chunks.collect::<Vec<_>>() {
+        all.append(chunk);
+    }
+    all.into_source()
 }
 
 /// The rays of one bounce, and what the camera sees through them.
@@ -121,14 +151,14 @@ impl Renderer<'_> {
             let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
             self.add_misses(&front, &hits, film);
             let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, bounce };
-            let (source, parents) = spawner.shadow(&self.light.sun, 0..hits.len() as u32).into_source();
+            let (source, parents) = spawn(hits.len(), |range| spawner.shadow(&self.light.sun, range));
             let blocked = run(self.stream(source, StreamKind::Shadow(bounce), Query::Any))?;
             self.add_sunlight(&front, &hits, &parents, &blocked, film);
             if bounce == self.bounces {
                 self.add_fill(&front, &hits, film);
                 break;
             }
-            let (source, parents) = spawner.diffuse(0..hits.len() as u32).into_source();
+            let (source, parents) = spawn(hits.len(), |range| spawner.diffuse(range));
             let parents = parents.iter().map(|&i| i as usize);
             front = Front {
                 pixels: parents.clone().map(|i| front.pixels[i]).collect(),
@@ -163,28 +193,32 @@ impl Renderer<'_> {
     }
 
     fn add_misses(&self, front: &Front, hits: &[Hit], film: &mut Film) {
-        for (i, _) in hits.iter().enumerate().filter(|(_, hit)| !hit.is_hit()) {
-            let direction = front.source.ray(i as u32).0.direction;
-            film.add(front.pixels[i], front.throughput[i] * self.light.sky(direction));
-        }
+        film.add_all(hits.len(), |i| {
+            let sky = || front.throughput[i] * self.light.sky(front.source.ray(i as u32).0.direction);
+            (!hits[i].is_hit()).then(|| (front.pixels[i], sky()))
+        });
     }
 
     fn add_sunlight(&self, front: &Front, hits: &[Hit], parents: &[u32], blocked: &[Hit], film: &mut Film) {
-        for (&parent, _) in parents.iter().zip(blocked).filter(|(_, shadow)| !shadow.is_hit()) {
-            let i = parent as usize;
+        film.add_all(blocked.len(), |shadow| {
+            let i = parents[shadow] as usize;
             let primitive = hits[i].primitive;
-            let Some(normal) = self.normal(primitive, &front.source.ray(parent).0) else { continue };
+            if blocked[shadow].is_hit() {
+                return None;
+            }
+            let normal = self.normal(primitive, &front.source.ray(i as u32).0)?;
             let light = self.light.sunlight(normal.dot(self.light.sun.direction()));
-            film.add(front.pixels[i], front.throughput[i] * self.model.colour(primitive) * light);
-        }
+            Some((front.pixels[i], front.throughput[i] * self.model.colour(primitive) * light))
+        });
     }
 
     fn add_fill(&self, front: &Front, hits: &[Hit], film: &mut Film) {
-        for (i, hit) in hits.iter().enumerate().filter(|(_, hit)| hit.is_hit()) {
-            let distance = hit.t * front.source.ray(i as u32).0.direction.length();
-            let light = self.light.fill(distance);
-            film.add(front.pixels[i], front.throughput[i] * self.model.colour(hit.primitive) * light);
-        }
+        film.add_all(hits.len(), |i| {
+            let hit = &hits[i];
+            let distance = || hit.t * front.source.ray(i as u32).0.direction.length();
+            let light = || front.throughput[i] * self.model.colour(hit.primitive) * self.light.fill(distance());
+            hit.is_hit().then(|| (front.pixels[i], light()))
+        });
     }
 
     fn normal(&self, primitive: u32, ray: &Ray) -> Option<Vec3> {
