@@ -116,7 +116,7 @@ fn gaps(mesh: &mut Mesh, paint: &Paint, shell: &mut Surface) {
     let flap = |p: Vec3| Vec2::new(p.x + 1.32, p.y - 0.80).length() - 0.07;
     let bumper = |p: Vec3| p.x - 1.86 + 0.25 * (p.y - 0.45);
     let lines: [(Field<'_>, Field<'_>); 5] = [
-        (&door, &|p| 0.75 - p.z),
+        (&door, &|p| 0.70 - p.z),
         (&bonnet, &|p| 0.55 - p.y),
         (&boot, &|p| 0.8 - p.y),
         (&flap, &|p| 0.5 - p.z),
