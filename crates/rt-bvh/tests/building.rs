@@ -168,3 +168,23 @@ fn coordinates_may_be_as_large_or_small_as_floats_are() {
         }
     }
 }
+
+// Fails when a hit need not pass the box test of its own triangle: the reference test has false hits on triangles below
+// 2⁻⁵⁰ of their distance, and which of them are found would then depend on what else is in their leaves.
+#[test]
+fn hits_on_the_tiniest_triangles_do_not_depend_on_the_tree() {
+    // All boxes have the same centre, so tiny triangles share a leaf with large ones when leaves may be large.
+    let mut model = equal_centroids(20);
+    for i in 0..2_000 {
+        let size = libm::ldexpf(1.0, -46 - i % 12);
+        let tiny = equal_centroids(i as usize % 16 + 1).map(|p| p * size);
+        model.push(tiny.triangle(i as u32 % 16).vertices());
+    }
+    let mut random = Random::new(12);
+    let rays: Vec<_> = (0..2_000).map(|_| Ray::new(random.point(), random.direction())).collect();
+    let hits = |max_leaf| {
+        let built = build(model.mesh(), &BuildOptions { max_leaf, ..BuildOptions::default() }).expect("valid");
+        closest(&built.scene, Precision::Double, &rays)
+    };
+    assert!(hits(1) == hits(u32::MAX));
+}

@@ -139,8 +139,8 @@ impl Range {
     }
 }
 
-/// How centroids map to bins along every axis. Wald only bins the axis on which they spread most; all three cost little
-/// more, since the references are read once, and trace up to 40% faster.
+/// How centroids map to bins along every axis. Wald only bins the axis on which they spread most; all three
+/// cost about a third more time, and trees of scenes with long triangles trace with up to 15% fewer box tests.
 #[derive(Clone, Copy)]
 struct Binning {
     bins: usize,

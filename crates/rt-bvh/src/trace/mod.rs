@@ -9,7 +9,8 @@
 //! would find, whatever tree it walks. Condition (2) never refuses a hit that exists: the box test is padded beyond all
 //! rounding errors. It only refuses false hits of the reference test itself, on triangles below 2⁻⁵⁰ of the distance.
 //!
-//! Single precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
+//! Boxes are tested alike in every precision: once padded, the careful test costs no more than the plain one. Single
+//! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
 
 mod slabs;
 mod triangle;
