@@ -89,3 +89,32 @@ impl Slots {
         self.ranges[device].0.fetch_update(Ordering::AcqRel, Ordering::Acquire, fill).is_ok()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::policy::{Block, Policy};
+    use rt_core::{CostModel, Work};
+
+    /// What two threads do to one word, step by step.
+    ///
+    /// Mutants: `take_back` that stores instead of comparing; `refill` that does not ask whether the range is empty;
+    /// `take_front` that takes more than there is.
+    #[test]
+    fn nothing_is_taken_twice() {
+        let schedule = Block.schedule(&[Work::new(1.0, 1.0, 0.0); 10], &[CostModel::UNIT; 2]);
+        let slots = Slots::new(&schedule);
+        let seen = slots.range(0);
+        assert_eq!(slots.take_front(0, |_| 2), 0..2, "the device was faster");
+        assert_eq!(slots.take_back(0, &seen, 2), None, "so the thief must look again");
+        let seen = slots.range(0);
+        assert_eq!(slots.take_back(0, &seen, 2), Some(3..5));
+        assert_eq!(slots.take_back(0, &seen, 2), None, "the other thief, too");
+        assert!(!slots.refill(0, &(3..5)), "something is left");
+        assert_eq!(slots.take_front(0, |_| 9), 2..3);
+        assert_eq!(slots.take_front(0, |_| 9), 0..0);
+        assert!(slots.refill(0, &(3..5)));
+        assert_eq!((slots.range(0), slots.range(1)), (3..5, 5..10));
+        assert_eq!(slots.tasks(3..6), [3, 4, 5]);
+    }
+}

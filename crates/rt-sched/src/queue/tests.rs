@@ -204,8 +204,8 @@ fn wait(since: Instant) {
 
 /// Exactly once under real threads, some of which are lost on the way.
 ///
-/// Mutants: `adopt` that ignores whether it cleared the bit; `Slots::take_back` that stores instead of comparing;
-/// `CentralQueue::pop` that loads and stores `next`; `Ledger::retire` that makes no orphans.
+/// Mutants: `adopt` that does not clear its bits; `Ledger::leave` that swaps without comparing; `Ledger::retire` that
+/// makes no orphans.
 #[test]
 fn every_task_runs_exactly_once_on_threads() {
     const TASKS: usize = 3_000;
@@ -253,50 +253,43 @@ fn every_task_runs_exactly_once_on_threads() {
     }
 }
 
-/// Threads that pop with nothing else to do meet in the same words as often as can be.
+/// Threads that pop with nothing else to do meet in the same words as often as can be: in one long central queue, and
+/// in lists that everybody steals from one device.
 ///
-/// Mutants, which need two processors to show: `CentralQueue::pop` that loads and stores `next`; `Slots::take_back` or
-/// `take_front` that loads and stores the range.
+/// Mutants, which need two processors to show: `CentralQueue::pop` that loads and stores `next`; `Slots::take_front`
+/// that loads and stores the range.
 #[test]
 fn threads_that_pop_at_once_share_no_task() {
-    const TASKS: usize = 500;
     const DEVICES: usize = 4;
-    let (work, devices) = (works(&[3.0; TASKS]), models(&[1.0; DEVICES]));
-    // All is in one list, so that everybody steals.
+    let devices = models(&[1.0; DEVICES]);
+    let central = works(&vec![3.0; 400_000]);
+    let stolen = works(&[3.0; 500]);
     let mut lists = vec![Vec::new(); DEVICES];
-    lists[0].extend(0..TASKS as TaskId);
-    let schedule = Schedule::new(lists, &work, &devices).expect("each task once");
-    let all: Vec<Box<dyn TaskQueue>> = (0..400)
-        .flat_map(|_| {
-            let hybrid: Box<dyn TaskQueue> = Box::new(HybridQueue::new(&schedule, &work, &devices));
-            let central: Box<dyn TaskQueue> = Box::new(CentralQueue::new(&work, &devices));
-            [hybrid, central]
-        })
-        .collect();
-    let start = Barrier::new(DEVICES);
-    let popped: Vec<Vec<Vec<TaskId>>> = thread::scope(|scope| {
-        let (all, start) = (&all, &start);
-        let threads: Vec<_> = (0..DEVICES)
-            .map(|device| {
-                scope.spawn(move || {
-                    let pop_all = |queue: &dyn TaskQueue| {
-                        let (mut out, mut mine) = (Vec::new(), Vec::new());
-                        start.wait();
-                        while queue.pop(device, &mut out) == Pop::Launch {
-                            mine.extend_from_slice(&out);
-                        }
-                        mine
-                    };
-                    all.iter().map(|queue| pop_all(&**queue)).collect()
-                })
-            })
-            .collect();
-        threads.into_iter().map(|thread| thread.join().expect("no thread panics")).collect()
-    });
-    for (run, queue) in all.iter().enumerate() {
-        let mut tasks: Vec<TaskId> = popped.iter().flat_map(|of_device| of_device[run].iter().copied()).collect();
-        tasks.sort_unstable();
-        assert!(tasks.iter().copied().eq(0..TASKS as TaskId), "run {run} of {queue:?}: {} popped", tasks.len());
+    lists[0].extend(0..stolen.len() as TaskId);
+    let schedule = Schedule::new(lists, &stolen, &devices).expect("each task once");
+    let mut all: Vec<(usize, Box<dyn TaskQueue>)> =
+        vec![(central.len(), Box::new(CentralQueue::new(&central, &devices)))];
+    for _ in 0..200 {
+        all.push((stolen.len(), Box::new(HybridQueue::new(&schedule, &stolen, &devices))));
+    }
+    for (tasks, queue) in &all {
+        let start = Barrier::new(DEVICES);
+        let pop_all = |device| {
+            let (mut out, mut mine) = (Vec::new(), Vec::with_capacity(*tasks));
+            start.wait();
+            while queue.pop(device, &mut out) == Pop::Launch {
+                mine.extend_from_slice(&out);
+            }
+            mine
+        };
+        let popped: Vec<Vec<TaskId>> = thread::scope(|scope| {
+            let pop_all = &pop_all;
+            let threads: Vec<_> = (0..DEVICES).map(|device| scope.spawn(move || pop_all(device))).collect();
+            threads.into_iter().map(|thread| thread.join().expect("no thread panics")).collect()
+        });
+        let mut popped: Vec<TaskId> = popped.into_iter().flatten().collect();
+        popped.sort_unstable();
+        assert!(popped.iter().copied().eq(0..*tasks as TaskId), "{} of {tasks} popped", popped.len());
     }
 }
 
