@@ -1,6 +1,6 @@
 //! Bounding volume hierarchies: building them, and tracing rays through them.
 //!
-//! [`build`] turns a mesh into an [`rt_core::Scene`]; [`trace`] finds hits; [`count`] finds what rays cost, with hits
+//! [`build`] turns a mesh into an [`rt_core::Scene`]; [`trace()`] finds hits; [`count`] finds what rays cost, with hits
 //! ([`rt_core::Walk::Full`]) or without touching a triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a
 //! tree.
 //!

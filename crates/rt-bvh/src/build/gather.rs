@@ -45,12 +45,6 @@ impl Reference {
         [Vec4::from_slice(&words[0..4]), Vec4::from_slice(&words[2..6]).yzwx()]
     }
 
-    /// Twice the box's centre along an axis: builders only compare centroids.
-    #[inline]
-    pub(super) fn centroid(&self, axis: usize) -> f32 {
-        self.min[axis] + self.max[axis]
-    }
-
     #[cfg(feature = "obvhs")]
     pub(super) fn bounds(&self) -> Aabb {
         Aabb { min: self.min, max: self.max }

@@ -43,7 +43,8 @@ pub(super) fn build(references: &[Reference], quality: PlocQuality, max_leaf: u3
 /// Whether so many centroids fall into the same cells that clustering would take forever.
 fn shares_cells(references: &[Reference]) -> bool {
     let (mut low, mut high) = (Vec3A::MAX, Vec3A::MIN);
-    let centroid = |r: &Reference| Vec3A::new(r.centroid(0), r.centroid(1), r.centroid(2));
+    // Twice the centroid: only positions relative to each other matter.
+    let centroid = |reference: &Reference| Vec3A::from(reference.bounds().min + reference.bounds().max);
     for reference in references {
         low = low.min(centroid(reference));
         high = high.max(centroid(reference));
