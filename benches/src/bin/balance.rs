@@ -125,7 +125,8 @@ fn stream(scene: &BenchScene, options: &Options, balancer: &mut Balancer) -> Res
     let mut hits = vec![Hit::MISS; primary.len() as usize];
     let stream = cut(primary.clone(), StreamKind::Primary);
     balancer.trace(&stream, &mut Scheduling::default(), &mut hits, None, Control::default())?;
-    let spawner = Spawner { model: &scene.model, rays: &primary, hits: &hits, seed: 1, bounce: 0 };
+    let spawner =
+        Spawner { model: &scene.model, rays: &primary, hits: &hits, seed: 1, samples: options.spp, bounce: 0 };
     Ok(cut(spawner.diffuse(0..hits.len() as u32).into_source().0, StreamKind::Diffuse(0)))
 }
 

@@ -103,7 +103,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
     pub(crate) size: [u32; 2],
     /// Rays per pixel
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) spp: u32,
     /// Diffuse bounces
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]

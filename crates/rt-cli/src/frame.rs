@@ -147,10 +147,12 @@ impl Renderer<'_> {
         let mut front = Front { source: RaySource::Camera(Arc::new(rays)), pixels, throughput };
         let mut run = |stream: Stream| self.trace(session, Stream { frame: wave.frame, wave: wave.number, ..stream });
         for bounce in 0..=self.bounces {
+            // Only primary rays all exist; later ones are numbered without those that were lost on the way.
+            let samples = if bounce == 0 { self.samples } else { 1 };
             let kind = if bounce == 0 { StreamKind::Primary } else { StreamKind::Diffuse(bounce - 1) };
             let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
             self.add_misses(&front, &hits, film);
-            let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, bounce };
+            let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, samples, bounce };
             let (source, parents) = spawn(hits.len(), |range| spawner.shadow(&self.light.sun, range));
             let blocked = run(self.stream(source, StreamKind::Shadow(bounce), Query::Any))?;
             self.add_sunlight(&front, &hits, &parents, &blocked, film);

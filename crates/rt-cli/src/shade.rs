@@ -73,8 +73,12 @@ pub(crate) fn facing_normal(area_normal: glam::DVec3, incoming: Vec3) -> Option<
     Some(if normal.dot(incoming) > 0.0 { -normal } else { normal })
 }
 
+/// Luminance of the 97th percentile of a picture's pixels after exposure: below the tone curve's shoulder, so that a
+/// white floor in the sun still shows its shading.
+const BRIGHT: f32 = 0.7;
+
 /// Factor that brings a picture to a pleasant brightness: the 97th percentile of the luminance of lit pixels becomes
-/// 1, which neither a bright sky nor a dark corner moves much.
+/// [`BRIGHT`], which neither a bright sky nor a dark corner moves much.
 pub(crate) fn exposure(radiance: &[Vec3]) -> f32 {
     let luminance = |c: &Vec3| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
     let mut values: Vec<f32> = radiance.iter().map(luminance).filter(|&l| l > 0.0 && l.is_finite()).collect();
@@ -83,7 +87,7 @@ pub(crate) fn exposure(radiance: &[Vec3]) -> f32 {
     }
     let at = (values.len() - 1) * 97 / 100;
     let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
-    1.0 / *value
+    BRIGHT / *value
 }
 
 #[cfg(test)]
@@ -114,7 +118,7 @@ mod tests {
     fn exposure_ignores_outliers() {
         let mut pixels = vec![Vec3::splat(0.5); 1000];
         pixels[0] = Vec3::splat(1e6);
-        assert!((exposure(&pixels) - 2.0).abs() < 1e-3);
+        assert!((exposure(&pixels) - 2.0 * BRIGHT).abs() < 1e-3);
         assert_eq!(exposure(&[]), 1.0);
     }
 }

@@ -9,6 +9,10 @@
 //! kernel on every device may decide clear cases more cheaply, but reports these `t`, `u`, `v`, so a hit is a function
 //! of (ray, triangle) alone. All operations scale exactly under powers of two, so it gives the same bits in the
 //! coordinates of the scene's file and in those of the normalised tree.
+//!
+//! Limit: for a triangle smaller than about 2⁻⁵⁰ of its distance, or a ray in its very plane, double precision is noise
+//! too, and a hit can be reported that is not there. Traversal refuses those, since a hit must also pass the box test
+//! of its own triangle; who calls [`hit`] on pairs that no traversal reported must expect them.
 
 use crate::{Hit, Ray, Triangle};
 use glam::{DVec3, Vec3};
@@ -35,6 +39,7 @@ pub struct Intersection {
 }
 
 /// The axis of the largest component, and the two others in cyclic order before it: `[x, y, dominant]`.
+#[inline]
 #[must_use]
 pub fn shear_axes(direction: Vec3) -> [usize; 3] {
     let d = direction.abs();
@@ -49,6 +54,7 @@ pub fn shear_axes(direction: Vec3) -> [usize; 3] {
 
 impl Shear {
     /// Prepares a ray with a finite origin and a finite direction that is not zero.
+    #[inline]
     #[must_use]
     pub fn new(origin: Vec3, direction: Vec3) -> Self {
         let axes = shear_axes(direction);
@@ -59,6 +65,7 @@ impl Shear {
 
     /// Intersects the whole line with a triangle, edges and vertices included; `None` for a miss and for a triangle
     /// that is seen edge-on or has no area.
+    #[inline]
     #[must_use]
     pub fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
         let [a, b, c] = triangle.vertices().map(|p| self.project(p));
@@ -77,6 +84,7 @@ impl Shear {
     }
 
     /// The vertex relative to the origin: sheared in x and y, plain distance along the dominant axis in z.
+    #[inline]
     fn project(&self, point: Vec3) -> DVec3 {
         let p = point.as_dvec3() - self.origin;
         let z = p[self.axes[2]];
@@ -88,11 +96,12 @@ impl Intersection {
     /// Rounds to a [`Hit`], with `t` multiplied by `t_scale` first; `None` outside `tmin ≤ t ≤ tmax`.
     ///
     /// The limits are compared with the rounded `t`, so that a caller's own comparison agrees with ours.
+    #[inline]
     #[must_use]
     pub fn to_hit(&self, t_scale: f64, tmin: f32, tmax: f32, primitive: u32) -> Option<Hit> {
         // Adding zero turns −0 into +0.
-        let t = (self.t * t_scale) as f32 + 0.0;
-        (tmin <= t && t <= tmax && t.is_finite()).then_some(Hit { t, u: self.u as f32, v: self.v as f32, primitive })
+        let [t, u, v] = [self.t * t_scale, self.u, self.v].map(|x| x as f32 + 0.0);
+        (tmin <= t && t <= tmax && t.is_finite()).then_some(Hit { t, u, v, primitive })
     }
 }
 

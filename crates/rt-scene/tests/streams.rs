@@ -107,7 +107,7 @@ fn rays_that_leave_a_sphere_outwards_hit_nothing() {
         assert!(is_convex(&model, centre), "radius {radius}, offset {offset}");
         let all = triangles(&model);
         let (rays, hits) = seen(&model, centre, radius, 15_000, true);
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, bounce: 0 };
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, samples: 1, bounce: 0 };
         let out = spawner.diffuse(0..15_000);
         assert!(out.rays.len() > 10_000);
         spawned += out.rays.len();
@@ -130,7 +130,8 @@ fn rays_inside_a_sphere_cross_it_to_the_other_side() {
         let all = triangles(&model);
         let (rays, hits) = seen(&model, centre, radius, 10_000, false);
         assert!(hits.iter().all(Hit::is_hit));
-        let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 6, bounce: 3 }.diffuse(0..10_000);
+        let out =
+            Spawner { model: &model, rays: &rays, hits: &hits, seed: 6, samples: 1, bounce: 3 }.diffuse(0..10_000);
         assert_eq!(out.rays.len(), 10_000);
         for (ray, &origin) in out.rays.iter().zip(&out.origins) {
             assert_eq!(intersect::hit(ray, &all[origin as usize], origin), None, "own triangle");
@@ -184,7 +185,7 @@ proptest! {
             hits.push(Hit { t: size, u, v, primitive: i % 2 });
         }
         let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed, bounce: 1 };
+        let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed, samples: 1, bounce: 1 };
         let sun = Sun::new(random_vector(seed, 99), 0.3).unwrap();
         for out in [spawner.diffuse(0..50), spawner.shadow(&sun, 0..50)] {
             for ((ray, &origin), &parent) in out.rays.iter().zip(&out.origins).zip(&out.parents) {
@@ -210,7 +211,7 @@ proptest! {
         let model = sphere(0, 1.0, Vec3::ZERO);
         let (rays, mut hits) = seen(&model, Vec3::ZERO, 1.0, 400, true);
         hits[7] = Hit { primitive: 1000, ..hits[7] };
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce };
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce };
         let sun = Sun::new(Vec3::new(0.3, 1.0, 0.2), Sun::REAL_RADIUS).unwrap();
         let whole = [spawner.diffuse(0..400), spawner.shadow(&sun, 0..u32::MAX)];
         let mut cuts = cuts;
@@ -233,7 +234,7 @@ proptest! {
 fn every_hit_that_can_send_a_ray_does() {
     let model = sphere(1, 1.0, Vec3::ZERO);
     let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
-    let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce: 0 };
+    let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce: 0 };
     let hit: Vec<u32> = (0..2000).filter(|&i| hits[i as usize].is_hit()).collect();
     assert_eq!(spawner.diffuse(0..2000).parents, hit);
     let sun = Sun::new(Vec3::Y, 0.0).unwrap();
@@ -250,7 +251,7 @@ fn every_hit_that_can_send_a_ray_does() {
 fn points_lie_where_the_parent_met_the_surface() {
     let model = sphere(2, 1.0, Vec3::ZERO);
     let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
-    let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, bounce: 0 }.diffuse(0..2000);
+    let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce: 0 }.diffuse(0..2000);
     for (ray, &parent) in out.rays.iter().zip(&out.parents) {
         let expected = rays.ray(parent).0.at(hits[parent as usize].t);
         assert!(ray.origin.distance(expected) < 2e-6, "{} instead of {expected}", ray.origin);
@@ -264,7 +265,7 @@ fn every_bounce_and_purpose_has_its_own_numbers() {
     // A sun of half the sky, so that its rays spread like diffuse ones.
     let sun = Sun::new(Vec3::Y, 1.5).unwrap();
     let directions = |seed, bounce| {
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed, bounce };
+        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed, samples: 1, bounce };
         let direction = |ray: &Ray| ray.direction.to_array().map(f32::to_bits);
         let [diffuse, shadow] = [spawner.diffuse(0..100), spawner.shadow(&sun, 0..100)];
         assert!(shadow.rays.len() > 10);
@@ -284,7 +285,7 @@ fn speed_of_one_thread() {
     let hit = |i| Hit { t: 1.0, u: 0.3, v: 0.3, primitive: rt_core::random::below(n, 1, i, 2) };
     let hits: Vec<Hit> = (0..2_000_000).map(hit).collect();
     let source = RaySource::Explicit { rays, origins: None };
-    let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed: 3, bounce: 0 };
+    let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed: 3, samples: 1, bounce: 0 };
     let sun = Sun::new(Vec3::Y, Sun::REAL_RADIUS).unwrap();
     for _ in 0..3 {
         let start = std::time::Instant::now();

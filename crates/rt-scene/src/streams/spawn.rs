@@ -86,7 +86,8 @@ impl Sun {
 
 /// Makes the next streams from the hits of a traced one.
 ///
-/// Random numbers come from [`random::pair`] of (seed, number of the parent ray, bounce). Two streams that number their
+/// Random numbers come from [`random::spread_pair`] of (seed, group of the parent ray, bounce, number in the group), so
+/// that the rays of one group fill the hemisphere and the sun evenly. Two streams that number their
 /// rays from 0 (the waves of an image, the frames of an animation) need different seeds.
 #[derive(Clone, Copy, Debug)]
 pub struct Spawner<'a> {
@@ -98,6 +99,8 @@ pub struct Spawner<'a> {
     pub hits: &'a [Hit],
     /// Seed of the random numbers.
     pub seed: u32,
+    /// Consecutive rays that are summed up in the end, as those of one pixel; 0 counts as 1.
+    pub samples: u32,
     /// Number of bounces before: 0 for the hits of primary rays.
     pub bounce: u32,
 }
@@ -135,6 +138,8 @@ impl Spawner<'_> {
         let dimension = self.bounce.wrapping_mul(2).wrapping_add(purpose);
         let end = range.end.min(self.rays.len()).min(u32::try_from(self.hits.len()).unwrap_or(u32::MAX));
         let start = range.start.min(end);
+        let samples = self.samples.max(1);
+        let uniform = |ray: u32| random::spread_pair(self.seed, ray / samples, dimension, ray % samples);
         let most = (end - start) as usize;
         let mut out = Spawned {
             rays: Vec::with_capacity(most),
@@ -146,7 +151,7 @@ impl Spawner<'_> {
             // A miss has no triangle either.
             let Some(triangle) = self.model.triangle(hit.primitive) else { continue };
             let Some(point) = SurfacePoint::new(&triangle, hit, self.rays.ray(parent).0.direction) else { continue };
-            if let Some(direction) = direction(&point, random::pair(self.seed, parent, dimension)) {
+            if let Some(direction) = direction(&point, uniform(parent)) {
                 out.push(point.origin(), direction, hit.primitive, parent);
             }
         }

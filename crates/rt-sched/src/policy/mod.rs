@@ -52,7 +52,7 @@ pub struct RoundRobin;
 
 impl Policy for RoundRobin {
     fn name(&self) -> &'static str {
-        "round robin"
+        "round-robin"
     }
 
     fn schedule(&self, work: &[Work], devices: &[CostModel]) -> Schedule {
