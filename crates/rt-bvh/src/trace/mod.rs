@@ -12,6 +12,7 @@
 //! Boxes are tested alike in every precision: once padded, the careful test costs no more than the plain one. Single
 //! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
 
+pub mod offload;
 mod slabs;
 mod triangle;
 mod visitor;

@@ -142,6 +142,11 @@ impl Slabs {
         }
     }
 
+    /// One over the direction, as the box test uses it.
+    pub(super) fn reciprocal(&self) -> Vec3 {
+        self.reciprocal[0].xyz()
+    }
+
     /// Where the ray enters each child of a node that has two; `None` for one it does not enter before `limit`.
     #[inline(always)]
     pub(super) fn enter_children(&self, node: &Node, limit: f32) -> [Option<f32>; 2] {

@@ -1,0 +1,204 @@
+//! Finding and opening devices.
+
+use crate::error::{OpenError, opening};
+use crate::instance::{API, Instance};
+use crate::logical::Logical;
+use crate::pipeline::{Layout, Pipeline};
+use crate::tracer::VulkanTracer;
+use ash::vk;
+use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
+use rt_shaders::Purpose;
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Launches a device keeps in flight. Two hide the host's hand-over between launches.
+pub(crate) const IN_FLIGHT: u32 = 2;
+
+/// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
+const LEAST_LLVMPIPE: u32 = 25;
+
+/// How to open devices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Options {
+    /// Whether the validation layer checks every call. What it objects to becomes an error of kind
+    /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
+    pub validation: bool,
+}
+
+impl Options {
+    /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
+    #[must_use]
+    pub fn from_env() -> Self {
+        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+    }
+}
+
+/// How many rays a device's launches traced, and how many of them the host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Rays of all launches and walks that were waited for.
+    pub rays: u64,
+    /// Those among them that the kernel left to the host: in doubt, or with numbers too large or small for it.
+    pub on_host: u64,
+}
+
+/// A graphics card or software rasteriser.
+#[derive(Debug)]
+pub struct VulkanDevice {
+    info: DeviceInfo,
+    driver: String,
+    software: bool,
+    shared: Arc<Shared>,
+}
+
+/// What a device's tracers have in common.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<Layout>,
+    pub logical: Arc<Logical>,
+    rays: AtomicU64,
+    on_host: AtomicU64,
+}
+
+impl VulkanDevice {
+    /// Opens every device, in the order in which Vulkan lists them; in place of one that cannot be used stands the
+    /// reason. Several devices may have the same name.
+    ///
+    /// # Errors
+    /// When there is no Vulkan, or no device at all.
+    pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
+        let instance = Arc::new(Instance::new(options.validation)?);
+        // SAFETY: the instance is alive.
+        let found = unsafe { instance.raw().enumerate_physical_devices() }.map_err(opening("list its devices"))?;
+        if found.is_empty() {
+            return Err(OpenError::NoDevice);
+        }
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+    }
+
+    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        // SAFETY: `physical` is of this instance, whose version has this call.
+        unsafe { instance.raw().get_physical_device_properties2(physical, &mut properties) };
+        let properties = properties.properties;
+        let text = |text: Option<&std::ffi::CStr>| text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
+        let name = text(properties.device_name_as_c_str().ok());
+        let [driver_name, version] = [driver.driver_name_as_c_str().ok(), driver.driver_info_as_c_str().ok()].map(text);
+        let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
+        if properties.api_version < API {
+            return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
+        }
+        if driver.driver_id == vk::DriverId::MESA_LLVMPIPE && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
+            return Err(refuse(format!(
+                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or later"
+            )));
+        }
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut timeline);
+        // SAFETY: likewise.
+        unsafe { instance.raw().get_physical_device_features2(physical, &mut features) };
+        if timeline.timeline_semaphore == vk::FALSE {
+            return Err(refuse("it has no timeline semaphores".to_owned()));
+        }
+        let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
+        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let info = DeviceInfo {
+            name,
+            backend: "vulkan",
+            // Vulkan does not tell.
+            units: 1,
+            in_flight: IN_FLIGHT,
+            memory: logical.memory(),
+        };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            layout: Arc::new(layout),
+            logical,
+            rays: AtomicU64::new(0),
+            on_host: AtomicU64::new(0),
+        };
+        Ok(Self {
+            info,
+            driver: format!("{driver_name} {version}"),
+            software: properties.device_type == vk::PhysicalDeviceType::CPU,
+            shared: Arc::new(shared),
+        })
+    }
+
+    /// The driver's name and version.
+    #[must_use]
+    pub fn driver(&self) -> &str {
+        &self.driver
+    }
+
+    /// Whether it is a processor in the guise of a graphics card.
+    #[must_use]
+    pub const fn is_software(&self) -> bool {
+        self.software
+    }
+
+    /// What the device's tracers have done so far.
+    #[must_use]
+    pub fn tally(&self) -> Tally {
+        let Shared { rays, on_host, .. } = &*self.shared;
+        Tally { rays: rays.load(Ordering::Relaxed), on_host: on_host.load(Ordering::Relaxed) }
+    }
+}
+
+/// The first number in Mesa's version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`.
+fn mesa_version(info: &str) -> Option<u32> {
+    let digits = info.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?;
+    digits.parse().ok()
+}
+
+impl Device for VulkanDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        Ok(Box::new(VulkanTracer::new(Arc::clone(&self.shared), scene, clock)?))
+    }
+}
+
+impl Shared {
+    /// The kernel for a purpose and a scene's depth; compiled once.
+    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+            DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
+        })?;
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (kernel.purpose, kernel.stack);
+        if let Some(pipeline) = pipelines.get(&key) {
+            return Ok(Arc::clone(pipeline));
+        }
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel)?);
+        pipelines.insert(key, Arc::clone(&pipeline));
+        Ok(pipeline)
+    }
+
+    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+        &self.layout
+    }
+
+    /// Adds to the tally.
+    pub(crate) fn traced(&self, rays: usize, on_host: usize) {
+        self.rays.fetch_add(rays as u64, Ordering::Relaxed);
+        self.on_host.fetch_add(on_host as u64, Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn old_software_rasterisers_are_known_by_their_driver_info() {
+        assert_eq!(mesa_version("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
+        assert_eq!(mesa_version("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
+        assert!(mesa_version("") < Some(LEAST_LLVMPIPE) && mesa_version("Mesa 22.3.6") < Some(LEAST_LLVMPIPE));
+    }
+}

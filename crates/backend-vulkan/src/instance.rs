@@ -1,0 +1,136 @@
+//! The Vulkan instance, and the validation layer's messages.
+
+use crate::error::{OpenError, VALIDATION, opening};
+use ash::vk;
+use std::borrow::Cow;
+use std::ffi::{CStr, CString, c_void};
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+
+/// The version of Vulkan that we need, for timeline semaphores.
+pub(crate) const API: u32 = vk::API_VERSION_1_2;
+
+/// Messages of the validation layer. Behind a pointer that the driver holds, hence never moved.
+#[derive(Debug, Default)]
+struct Messages(Mutex<Vec<String>>);
+
+/// An instance and its loader. Destroyed last: whatever is made from it holds it.
+pub(crate) struct Instance {
+    // Dropped after `raw`'s functions were last called: it keeps the loader's library in memory.
+    _entry: ash::Entry,
+    raw: ash::Instance,
+    validation: Option<Validation>,
+}
+
+struct Validation {
+    functions: ash::ext::debug_utils::Instance,
+    messenger: vk::DebugUtilsMessengerEXT,
+    messages: Box<Messages>,
+}
+
+impl fmt::Debug for Instance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Instance").field("validation", &self.validation.is_some()).finish_non_exhaustive()
+    }
+}
+
+impl Instance {
+    /// Loads Vulkan; with `validate` also its validation layer, synchronisation included.
+    pub(crate) fn new(validate: bool) -> Result<Self, OpenError> {
+        // SAFETY: the system's Vulkan loader is trusted to be one.
+        let entry = unsafe { ash::Entry::load() }.map_err(OpenError::NoLoader)?;
+        let layer = CString::new(VALIDATION).unwrap_or_default();
+        if validate && !has_layer(&entry, &layer)? {
+            return Err(OpenError::NoValidation);
+        }
+        let layers: Vec<_> = validate.then_some(layer.as_ptr()).into_iter().collect();
+        let extensions: Vec<_> = validate.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
+        let application = vk::ApplicationInfo::default().application_name(c"raybalance").api_version(API);
+        let wanted = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&wanted);
+        let mut info = vk::InstanceCreateInfo::default()
+            .application_info(&application)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&extensions);
+        if validate {
+            info = info.push_next(&mut features);
+        }
+        // SAFETY: `info` and all it points to live until the call returns.
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|source| match source {
+            // What loaders without any driver say.
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => OpenError::NoDevice,
+            source => OpenError::Driver { task: "create an instance", source },
+        })?;
+        let mut instance = Self { _entry: entry, raw, validation: None };
+        if validate {
+            let functions = ash::ext::debug_utils::Instance::new(&instance._entry, &instance.raw);
+            instance.validation = Some(Validation::new(functions)?);
+        }
+        Ok(instance)
+    }
+
+    pub(crate) const fn raw(&self) -> &ash::Instance {
+        &self.raw
+    }
+
+    /// What the validation layer said since the last call.
+    pub(crate) fn take_messages(&self) -> Vec<String> {
+        self.validation.as_ref().map_or_else(Vec::new, |validation| {
+            std::mem::take(&mut *validation.messages.0.lock().unwrap_or_else(PoisonError::into_inner))
+        })
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        if let Some(Validation { functions, messenger, .. }) = &self.validation {
+            // SAFETY: made from this instance, and not used after.
+            unsafe { functions.destroy_debug_utils_messenger(*messenger, None) };
+        }
+        // SAFETY: everything made from the instance held it and is gone.
+        unsafe { self.raw.destroy_instance(None) };
+    }
+}
+
+fn has_layer(entry: &ash::Entry, wanted: &CStr) -> Result<bool, OpenError> {
+    // SAFETY: the loader is loaded.
+    let layers = unsafe { entry.enumerate_instance_layer_properties() }.map_err(opening("list its layers"))?;
+    Ok(layers.iter().any(|layer| layer.layer_name_as_c_str() == Ok(wanted)))
+}
+
+impl Validation {
+    fn new(functions: ash::ext::debug_utils::Instance) -> Result<Self, OpenError> {
+        let messages = Box::<Messages>::default();
+        let pointer: *const Messages = &*messages;
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::WARNING | vk::DebugUtilsMessageSeverityFlagsEXT::ERROR,
+            )
+            .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION)
+            .pfn_user_callback(Some(receive))
+            .user_data(pointer.cast::<c_void>().cast_mut());
+        // SAFETY: `info` lives until the call returns; `messages` is boxed and outlives the messenger, which `Instance`
+        // destroys first.
+        let messenger = unsafe { functions.create_debug_utils_messenger(&info, None) };
+        Ok(Self { functions, messenger: messenger.map_err(opening("listen to the validation layer"))?, messages })
+    }
+}
+
+/// Keeps a message. Called by the layer on whatever thread made the call that it speaks of.
+unsafe extern "system" fn receive(
+    _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kind: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    // SAFETY: the pointer given with the messenger, to `Messages` that outlive it; never written through.
+    let messages = unsafe { user.cast::<Messages>().cast_const().as_ref() };
+    // SAFETY: the layer passes a valid structure or null.
+    let data = unsafe { data.as_ref() };
+    if let (Some(messages), Some(data)) = (messages, data) {
+        // SAFETY: the message, where there is one, is a string that outlives this call.
+        let text = unsafe { data.message_as_c_str() }.map_or(Cow::Borrowed("(no text)"), CStr::to_string_lossy);
+        messages.0.lock().unwrap_or_else(PoisonError::into_inner).push(text.into_owned());
+    }
+    vk::FALSE
+}

@@ -1,0 +1,126 @@
+//! The buffers and commands of one launch in flight.
+
+use crate::buffer::{Buffer, Use};
+use crate::commands::{Commands, Stage};
+use crate::logical::Logical;
+use crate::pipeline::{Bindings, Layout, Pipeline};
+use crate::resident::Resident;
+use crate::timeline::Timeline;
+use rt_core::{DeviceError, TestCounts};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Room for one launch.
+#[derive(Debug)]
+pub(crate) struct Slot {
+    logical: Arc<Logical>,
+    commands: Commands,
+    bindings: Bindings,
+    room: Room,
+    /// What the last launch runs, kept until it is done.
+    pipeline: Option<Arc<Pipeline>>,
+}
+
+/// Buffers for up to `items` rays, with counts for up to `counted`.
+#[derive(Debug)]
+struct Room {
+    items: u32,
+    counted: u32,
+    upload: Buffer,
+    work: Buffer,
+    found: Buffer,
+    found_back: Buffer,
+    counts: Buffer,
+    counts_back: Buffer,
+}
+
+const WORD: u64 = 4;
+const COUNTS: u64 = size_of::<TestCounts>() as u64;
+
+impl Room {
+    fn new(logical: &Arc<Logical>, items: u32, counted: u32) -> Result<Self, DeviceError> {
+        let buffer = |what: &str, count: u32, size: u64, purpose| {
+            Buffer::new(logical, &format!("{what} of {count} rays"), u64::from(count) * size, purpose)
+        };
+        // One word more, for their number.
+        let listed = items.saturating_add(1);
+        Ok(Self {
+            items,
+            counted,
+            upload: buffer("the list", listed, WORD, Use::Upload)?,
+            work: buffer("the list", listed, WORD, Use::Kernel)?,
+            found: buffer("the hits", items, WORD, Use::Kernel)?,
+            found_back: buffer("the hits", items, WORD, Use::Download)?,
+            counts: buffer("the counts", counted, COUNTS, Use::Kernel)?,
+            counts_back: buffer("the counts", counted, COUNTS, Use::Download)?,
+        })
+    }
+}
+
+impl Slot {
+    pub(crate) fn new(logical: &Arc<Logical>, layout: &Arc<Layout>) -> Result<Self, DeviceError> {
+        Ok(Self {
+            logical: Arc::clone(logical),
+            commands: Commands::new(logical)?,
+            bindings: Bindings::new(layout)?,
+            room: Room::new(logical, 0, 0)?,
+            pipeline: None,
+        })
+    }
+
+    /// Traces the rays of the list `items`, which must not be empty, and returns the value of the timeline that says it
+    /// is done. The slot's last launch is done.
+    pub(crate) fn start(
+        &mut self,
+        scene: &Resident,
+        rays: &Buffer,
+        pipeline: Arc<Pipeline>,
+        items: &[u32],
+        counted: bool,
+        timeline: &mut Timeline,
+    ) -> Result<u64, DeviceError> {
+        let count = items.len() as u32;
+        let counts = if counted { count } else { 0 };
+        if self.room.items < count || self.room.counted < counts {
+            let (items, counted) = (self.room.items.max(count), self.room.counted.max(counts));
+            self.room = Room::new(&self.logical, items, counted)?;
+        }
+        let Self { commands, bindings, room, .. } = self;
+        room.upload.write(0, &[count]);
+        room.upload.write(WORD as usize, items);
+        let Resident { nodes, triangles, primitives, frame } = scene;
+        bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
+        commands.record(|to| {
+            // The launch before this one may still be running: its kernel must not be timed with ours.
+            to.barrier(Stage::Kernel, Stage::Copy);
+            to.copy(&room.upload, &room.work, 0, (u64::from(count) + 1) * WORD);
+            to.barrier(Stage::Copy, Stage::Kernel);
+            to.stamp(0);
+            to.run(&pipeline, bindings, count);
+            to.stamp(1);
+            to.barrier(Stage::Kernel, Stage::Copy);
+            to.copy(&room.found, &room.found_back, 0, u64::from(count) * WORD);
+            if counted {
+                to.copy(&room.counts, &room.counts_back, 0, u64::from(count) * COUNTS);
+            }
+            to.barrier(Stage::Copy, Stage::Host);
+        })?;
+        self.pipeline = Some(pipeline);
+        timeline.submit(self.commands.raw())
+    }
+
+    /// What the kernel found for each item of the last launch, which is done.
+    pub(crate) fn found(&self, count: usize) -> &[u32] {
+        self.room.found_back.read(count)
+    }
+
+    /// The counts of each item of the last launch, which is done and counted.
+    pub(crate) fn counts(&self, count: usize) -> &[TestCounts] {
+        self.room.counts_back.read(count)
+    }
+
+    /// Time in the kernel of the last launch, which is done.
+    pub(crate) fn in_kernel(&self) -> Option<Duration> {
+        self.commands.elapsed()
+    }
+}

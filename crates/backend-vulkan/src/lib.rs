@@ -1,0 +1,33 @@
+//! Vulkan devices for raybalance: graphics cards, and Mesa's software rasteriser lavapipe.
+//!
+//! [`VulkanDevice::enumerate`] opens every device of the system. A device decides which triangle each ray hits and counts
+//! tests, by the kernels of `rt_shaders`; the host computes t, u and v of the hits it reads back from ray and triangle.
+//! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`VulkanDevice::tally`]
+//! says how many). So hits and counts are, bit for bit, those of the CPU devices.
+//!
+//! # Current state and limits
+//!
+//! * One kernel over the two-wide layout, single rays, for [`rt_core::Precision::Robust`]. The other precisions are
+//!   answered by it too: `Double` promises the same bits, `Fast` promises less.
+//! * Rays are prepared on the host and uploaded, camera rays too.
+//! * The host's share of a launch (t, u, v, doubtful rays) runs on the thread that waits.
+//! * A scene or a stream whose buffer exceeds the device's limit for one binding is refused, with the sizes.
+//! * One queue per device, which its tracers share.
+//!
+//! The raw handles of Vulkan are each owned by a type of a module of its own, which destroys them; `unsafe` is found
+//! there only.
+
+mod buffer;
+mod commands;
+mod device;
+mod error;
+mod instance;
+mod launch;
+mod logical;
+mod pipeline;
+mod resident;
+mod timeline;
+mod tracer;
+
+pub use device::{Options, Tally, VulkanDevice};
+pub use error::OpenError;

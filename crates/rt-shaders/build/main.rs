@@ -1,0 +1,137 @@
+//! Compiles the WGSL kernels to SPIR-V and writes a table of them.
+
+mod spirv;
+
+use naga::back::spv;
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{env, fs};
+
+/// The parts of every kernel, in order.
+const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
+
+/// What kernels are for: name in Rust, and the constants that the sources ask for.
+const PURPOSES: &[(&str, Flags)] = &[
+    ("Closest", Flags { any: false, count: false, reduced: false, cut: false }),
+    ("ClosestCounted", Flags { any: false, count: true, reduced: false, cut: false }),
+    ("Any", Flags { any: true, count: false, reduced: false, cut: false }),
+    ("AnyCounted", Flags { any: true, count: true, reduced: false, cut: false }),
+    ("LeafAsHit", Flags { any: false, count: true, reduced: true, cut: true }),
+    ("Unshortened", Flags { any: false, count: true, reduced: true, cut: false }),
+];
+
+/// Sizes of the traversal stack. Trees of real scenes need some 30 to 50 entries; 128 is the most a scene may need.
+const STACKS: &[u32] = &[32, 64, 128];
+
+/// Structures whose layout the crate's tests compare with those of the host.
+const LAYOUTS: &[&str] = &["Node", "Triangle", "Ray", "Frame", "Work"];
+
+struct Flags {
+    any: bool,
+    count: bool,
+    reduced: bool,
+    cut: bool,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo::rerun-if-changed=shaders");
+    println!("cargo::rerun-if-changed=build");
+    let target = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
+    let mut body = String::new();
+    for part in PARTS {
+        body += &fs::read_to_string(Path::new("shaders").join(part))?;
+    }
+    let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
+    let mut layouts = String::new();
+    for (purpose, flags) in PURPOSES {
+        for &stack in STACKS {
+            let source = preamble(flags, stack) + &body;
+            let (module, words) = compile(&source).map_err(|e| format!("{purpose}, stack of {stack}: {e}"))?;
+            let file = format!("{purpose}-{stack}.spv");
+            let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+            fs::write(target.join(&file), bytes)?;
+            let entry = &module.entry_points[0];
+            writeln!(
+                kernels,
+                "    Kernel {{ purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
+                 code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
+                entry.name,
+                entry.workgroup_size,
+                bindings(&module)?
+            )?;
+            if layouts.is_empty() {
+                layouts = layout_table(&module)?;
+            }
+        }
+    }
+    kernels += "];\n";
+    fs::write(target.join("kernels.rs"), kernels + &layouts)?;
+    Ok(())
+}
+
+fn preamble(flags: &Flags, stack: u32) -> String {
+    let Flags { any, count, reduced, cut } = flags;
+    format!(
+        "const STACK: u32 = {stack}u;\nconst ANY: bool = {any};\nconst COUNT: bool = {count};\n\
+         const REDUCED: bool = {reduced};\nconst CUT: bool = {cut};\n"
+    )
+}
+
+fn compile(source: &str) -> Result<(naga::Module, Vec<u32>), Box<dyn Error>> {
+    let module = naga::front::wgsl::parse_str(source).map_err(|e| e.emit_to_string(source))?;
+    let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
+    let info = validator.validate(&module).map_err(|e| e.emit_to_string(source))?;
+    let options = spv::Options {
+        // That of Vulkan 1.1 and later.
+        lang_version: (1, 3),
+        // Fixed: the default differs between debug and release builds.
+        flags: spv::WriterFlags::empty(),
+        fake_missing_bindings: true,
+        // `rt_core::Scene` is checked once, so that kernels may trust every index; stacks are as deep as the scene asks.
+        bounds_check_policies: naga::proc::BoundsCheckPolicies::default(),
+        zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
+        // The loop ends: every step visits another node of a finite tree.
+        force_loop_bounding: false,
+        ..spv::Options::default()
+    };
+    let words = spv::write_vec(&module, &info, &options, None)?;
+    Ok((module, spirv::mend(&words)?))
+}
+
+/// `Binding { … }` for every global variable.
+fn bindings(module: &naga::Module) -> Result<String, Box<dyn Error>> {
+    let mut rows = Vec::new();
+    for (_, variable) in module.global_variables.iter() {
+        let Some(binding) = &variable.binding else { continue };
+        let naga::AddressSpace::Storage { access } = variable.space else {
+            return Err("every binding is a storage buffer".into());
+        };
+        rows.push(format!(
+            "Binding {{ group: {}, binding: {}, name: {:?}, written: {} }}",
+            binding.group,
+            binding.binding,
+            variable.name.as_deref().ok_or("bindings have names")?,
+            access.contains(naga::StorageAccess::STORE)
+        ));
+    }
+    Ok(rows.join(", "))
+}
+
+/// Offsets of members and sizes of structures, as the kernels see them.
+fn layout_table(module: &naga::Module) -> Result<String, Box<dyn Error>> {
+    let mut table = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Layout] = &[\n");
+    for name in LAYOUTS {
+        let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
+        let (_, structure) = found.ok_or_else(|| format!("no structure {name}"))?;
+        let naga::TypeInner::Struct { members, span } = &structure.inner else {
+            return Err(format!("{name} is no structure").into());
+        };
+        let members: Vec<String> =
+            members.iter().map(|m| format!("({:?}, {})", m.name.as_deref().unwrap_or(""), m.offset)).collect();
+        writeln!(table, "    Layout {{ name: {name:?}, size: {span}, members: &[{}] }},", members.join(", "))?;
+    }
+    table += "];\n";
+    Ok(table)
+}

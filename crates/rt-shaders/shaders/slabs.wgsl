@@ -1,0 +1,40 @@
+// The conservative ray-box test: operation for operation that of rt_bvh (see its module `slabs`), so that both enter the
+// same boxes at the same distances, bit for bit.
+
+const UNIT_ROUNDOFF: f32 = 5.9604644775390625e-8; // 2^-24
+const REACH_SHARE: f32 = 7.62939453125e-6; // 2^-17
+
+struct Slabs {
+    // The origin, moved away from lower planes and from upper ones.
+    lower: vec3<f32>,
+    upper: vec3<f32>,
+    reciprocal: vec3<f32>,
+    // Where the ray goes up, it enters through the lower plane.
+    up: vec3<bool>,
+    tmin: f32,
+    // Greatest distance along an axis from the origin to a plane of the scene's box.
+    reach: f32,
+}
+
+fn slabs_of(ray: Ray) -> Slabs {
+    let reaches = max(abs(frame.low - ray.origin), abs(frame.high - ray.origin));
+    let reach = max(max(reaches.x, reaches.y), reaches.z);
+    let padding = (reaches * 8.0 + abs(ray.origin) * 4.0 + vec3<f32>(reach * REACH_SHARE)) * UNIT_ROUNDOFF;
+    return Slabs(
+        ray.origin + padding,
+        ray.origin - padding,
+        ray.reciprocal,
+        ray.reciprocal >= vec3<f32>(0.0),
+        ray.tmin,
+        reach,
+    );
+}
+
+// Where the ray enters and leaves a box, if the first is not beyond the second.
+fn enter(slabs: Slabs, low: vec3<f32>, high: vec3<f32>, limit: f32) -> vec2<f32> {
+    let a = (low - slabs.lower) * slabs.reciprocal;
+    let b = (high - slabs.upper) * slabs.reciprocal;
+    let near = select(b, a, slabs.up);
+    let far = select(a, b, slabs.up);
+    return vec2<f32>(max(max(near.x, near.y), max(near.z, slabs.tmin)), min(min(far.x, far.y), min(far.z, limit)));
+}

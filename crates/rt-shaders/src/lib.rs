@@ -1,0 +1,176 @@
+//! The GPU kernels of raybalance, compiled from WGSL when this crate is built.
+//!
+//! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Purpose`] and each size of the traversal
+//! stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, and the table that
+//! [`kernel`] looks up. What a kernel reads and writes, and why its decisions are those of `rt_bvh`, is said in the
+//! sources.
+//!
+//! # Current state and limits
+//!
+//! * One layout: the two-wide tree of `rt_core`.
+//! * Kernels rely on additions and multiplications in single precision being rounded to nearest, one by one, as Vulkan
+//!   drivers do with `NoContraction`. Denormal numbers may be flushed.
+#![forbid(unsafe_code)]
+
+use std::ffi::CStr;
+
+include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
+
+/// Result of a ray that hits nothing.
+pub const MISS: u32 = u32::MAX;
+
+/// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in doubt
+/// what it hits.
+pub const DOUBTFUL: u32 = u32::MAX - 1;
+
+/// What a kernel finds out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Purpose {
+    /// The nearest hit.
+    Closest,
+    /// The nearest hit, and exact counts.
+    ClosestCounted,
+    /// Whether anything is hit.
+    Any,
+    /// Whether anything is hit, and exact counts.
+    AnyCounted,
+    /// Counts of the reduced traversal that takes a leaf for a hit.
+    LeafAsHit,
+    /// Counts of the reduced traversal that never shortens the ray.
+    Unshortened,
+}
+
+/// A compiled kernel.
+#[derive(Debug)]
+pub struct Kernel {
+    /// What it finds out.
+    pub purpose: Purpose,
+    /// Entries of its stack: at least the depth of the scene.
+    pub stack: u32,
+    /// Name of its entry point.
+    pub entry: &'static CStr,
+    /// Invocations in a workgroup, by axis.
+    pub workgroup: [u32; 3],
+    /// The buffers it reads and writes.
+    pub bindings: &'static [Binding],
+    code: &'static [u8],
+}
+
+impl Kernel {
+    /// The SPIR-V.
+    #[must_use]
+    pub fn spirv(&self) -> Vec<u32> {
+        self.code.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
+    }
+}
+
+/// A storage buffer of a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// Descriptor set.
+    pub group: u32,
+    /// Number within the set.
+    pub binding: u32,
+    /// Name in the source.
+    pub name: &'static str,
+    /// Whether the kernel writes to it.
+    pub written: bool,
+}
+
+/// The kernel for a purpose whose stack is the smallest that suffices for a scene of that depth; `None` for depths above
+/// `rt_core::MAX_DEPTH`.
+#[must_use]
+pub fn kernel(purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
+    KERNELS.iter().filter(|kernel| kernel.purpose == purpose && kernel.stack >= depth).min_by_key(|kernel| kernel.stack)
+}
+
+/// A structure as kernels see it.
+#[cfg(test)]
+struct Layout {
+    name: &'static str,
+    size: u32,
+    members: &'static [(&'static str, u32)],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::mem::{offset_of, size_of};
+    use rt_bvh::offload::KernelRay;
+    use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
+
+    fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
+        let layout = LAYOUTS.iter().find(|layout| layout.name == name).expect("in the table");
+        (layout.members, layout.size as usize)
+    }
+
+    #[test]
+    fn layouts_are_those_of_the_host() {
+        let node = [("planes", offset_of!(Node, bounds) as u32), ("links", offset_of!(Node, child) as u32)];
+        assert_eq!(layout("Node"), (&node[..], size_of::<Node>()));
+        assert_eq!(offset_of!(Node, count), offset_of!(Node, child) + 8, "both are one vector in the kernel");
+        assert_eq!(layout("Triangle"), (&[("vertices", 0)][..], size_of::<Triangle>()));
+        let ray = [
+            ("origin", offset_of!(KernelRay, origin)),
+            ("tmin", offset_of!(KernelRay, tmin)),
+            ("reciprocal", offset_of!(KernelRay, reciprocal)),
+            ("tmax", offset_of!(KernelRay, tmax)),
+            ("shear", offset_of!(KernelRay, shear)),
+            ("depth", offset_of!(KernelRay, depth)),
+            ("excluded", offset_of!(KernelRay, excluded)),
+            ("kind", offset_of!(KernelRay, kind)),
+        ]
+        .map(|(name, offset)| (name, offset as u32));
+        assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
+        assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16)][..], 32));
+        assert_eq!(layout("Work").0, &[("count", 0), ("rays", 4)]);
+        // vec2<u32>.
+        assert_eq!((offset_of!(TestCounts, boxes), offset_of!(TestCounts, triangles)), (0, 4));
+        assert_eq!(size_of::<TestCounts>(), 8);
+    }
+
+    #[test]
+    fn every_purpose_has_a_kernel_for_every_depth() {
+        use Purpose::{Any, AnyCounted, Closest, ClosestCounted, LeafAsHit, Unshortened};
+        for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
+            for depth in 0..=MAX_DEPTH {
+                let kernel = kernel(purpose, depth).expect("one for each depth");
+                assert!(kernel.stack >= depth && kernel.purpose == purpose);
+            }
+            assert!(kernel(purpose, MAX_DEPTH + 1).is_none());
+        }
+    }
+
+    #[test]
+    fn every_kernel_is_spirv_with_the_same_buffers() {
+        const MAGIC: u32 = 0x0723_0203;
+        let all = KERNELS[0].bindings;
+        assert_eq!(all.iter().map(|b| b.binding).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        for kernel in KERNELS {
+            assert_eq!(kernel.spirv()[0], MAGIC);
+            assert_eq!((kernel.workgroup, kernel.bindings), ([64, 1, 1], all));
+        }
+    }
+
+    /// Fails when the build leaves out the pass over the SPIR-V.
+    #[test]
+    fn every_sum_and_product_is_kept_apart() {
+        for kernel in KERNELS {
+            let words = kernel.spirv();
+            let (mut decorated, mut arithmetic) = (Vec::new(), Vec::new());
+            let mut at = 5;
+            while at < words.len() {
+                let (length, op) = ((words[at] >> 16) as usize, words[at] & 0xffff);
+                match op {
+                    // OpDecorate … NoContraction
+                    71 if words[at + 2] == 42 => decorated.push(words[at + 1]),
+                    // FAdd, FSub, FMul, FDiv, VectorTimesScalar
+                    129 | 131 | 133 | 136 | 142 => arithmetic.push(words[at + 2]),
+                    _ => {}
+                }
+                at += length;
+            }
+            assert!(arithmetic.len() > 20 && arithmetic.iter().all(|id| decorated.contains(id)));
+        }
+    }
+}
