@@ -22,11 +22,11 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Features: each of `cpu` (default) adds one re-export of a backend and nothing else. Any other backend that
+//! Features: each of `cpu` (default) and `vulkan` adds one re-export of a backend and nothing else. Any other backend that
 //! implements [`Device`] and [`Tracer`] can be used beside them.
 //!
 //! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
-//! stream; a stream has at most 2³² − 1 rays; backends for GPUs are not there yet.
+//! stream; a stream has at most 2³² − 1 rays.
 #![forbid(unsafe_code)]
 
 mod balancer;
@@ -50,6 +50,10 @@ pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]
 pub use backend_cpu as cpu;
+
+/// Graphics cards through Vulkan (feature `vulkan`).
+#[cfg(feature = "vulkan")]
+pub use backend_vulkan as vulkan;
 
 pub use rt_bvh::{BuildOptions, Built, Mesh, build};
 pub use rt_core::{

@@ -96,7 +96,7 @@ impl<'a> Offload<'a> {
         let range = [ray.tmin, ray.tmax].map(|t| exactly_scaled(t, local.t_unscale));
         let ([Some(tmin), Some(tmax)], true, true) = (
             range,
-            REACH[0] <= reach && reach <= REACH[1],
+            (REACH[0]..=REACH[1]).contains(&reach),
             scale >= LEAST_EXPONENT && scale + exponent_of(reach) < GREATEST_EXPONENT,
         ) else {
             return KernelRay::of_kind(KernelRay::HOST);
