@@ -1,5 +1,6 @@
 //! Finding and opening devices.
 
+use crate::arithmetic;
 use crate::error::{OpenError, opening};
 use crate::instance::{API, Instance};
 use crate::logical::Logical;
@@ -106,7 +107,7 @@ impl VulkanDevice {
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
         let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
-            name,
+            name: name.clone(),
             backend: "vulkan",
             // Vulkan does not tell.
             units: 1,
@@ -120,6 +121,11 @@ impl VulkanDevice {
             rays: AtomicU64::new(0),
             on_host: AtomicU64::new(0),
         };
+        match arithmetic::first_fault(&shared) {
+            Ok(None) => {}
+            Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
+            Err(error) => return Err(refuse(error.to_string())),
+        }
         Ok(Self {
             info,
             driver: format!("{driver_name} {version}"),

@@ -3,7 +3,7 @@
 //! [`VulkanDevice::enumerate`] opens every device of the system. A device decides which triangle each ray hits and counts
 //! tests, by the kernels of `rt_shaders`; the host computes t, u and v of the hits it reads back from ray and triangle.
 //! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`VulkanDevice::tally`]
-//! says how many). So hits and counts are, bit for bit, those of the CPU devices.
+//! says how many). A device that does not round as the kernels rely on is refused when it is opened. So hits and counts are, bit for bit, those of the CPU devices.
 //!
 //! # Current state and limits
 //!
@@ -17,6 +17,7 @@
 //! The raw handles of Vulkan are each owned by a type of a module of its own, which destroys them; `unsafe` is found
 //! there only.
 
+mod arithmetic;
 mod buffer;
 mod commands;
 mod device;

@@ -9,8 +9,11 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The parts of every kernel, in order.
+/// The parts of every kernel that traces, in order.
 const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
+
+/// The parts of the kernel by which devices are checked.
+const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
 
 /// What kernels are for: name in Rust, and the constants that the sources ask for.
 const PURPOSES: &[(&str, Flags)] = &[
@@ -39,36 +42,49 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=shaders");
     println!("cargo::rerun-if-changed=build");
     let target = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
-    let mut body = String::new();
-    for part in PARTS {
-        body += &fs::read_to_string(Path::new("shaders").join(part))?;
-    }
+    let body = joined(PARTS)?;
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
     let mut layouts = String::new();
     for (purpose, flags) in PURPOSES {
         for &stack in STACKS {
-            let source = preamble(flags, stack) + &body;
-            let (module, words) = compile(&source).map_err(|e| format!("{purpose}, stack of {stack}: {e}"))?;
-            let file = format!("{purpose}-{stack}.spv");
-            let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-            fs::write(target.join(&file), bytes)?;
-            let entry = &module.entry_points[0];
-            writeln!(
-                kernels,
-                "    Kernel {{ purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
-                 code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
-                entry.name,
-                entry.workgroup_size,
-                bindings(&module)?
-            )?;
+            let module = add(&mut kernels, &target, purpose, stack, &(preamble(flags, stack) + &body))?;
             if layouts.is_empty() {
                 layouts = layout_table(&module)?;
             }
         }
     }
+    add(&mut kernels, &target, "Arithmetic", 0, &joined(ARITHMETIC)?)?;
     kernels += "];\n";
     fs::write(target.join("kernels.rs"), kernels + &layouts)?;
     Ok(())
+}
+
+fn joined(parts: &[&str]) -> std::io::Result<String> {
+    parts.iter().map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect()
+}
+
+/// Compiles a kernel, writes its SPIR-V to `target` and its row to the table.
+fn add(
+    table: &mut String,
+    target: &Path,
+    purpose: &str,
+    stack: u32,
+    source: &str,
+) -> Result<naga::Module, Box<dyn Error>> {
+    let (module, words) = compile(source).map_err(|e| format!("{purpose}, stack of {stack}: {e}"))?;
+    let file = format!("{purpose}-{stack}.spv");
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    fs::write(target.join(&file), bytes)?;
+    let entry = &module.entry_points[0];
+    writeln!(
+        table,
+        "    Kernel {{ purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
+         code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
+        entry.name,
+        entry.workgroup_size,
+        bindings(&module)?
+    )?;
+    Ok(module)
 }
 
 fn preamble(flags: &Flags, stack: u32) -> String {

@@ -9,7 +9,7 @@
 //!
 //! * One layout: the two-wide tree of `rt_core`.
 //! * Kernels rely on additions and multiplications in single precision being rounded to nearest, one by one, as Vulkan
-//!   drivers do with `NoContraction`. Denormal numbers may be flushed.
+//!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed.
 #![forbid(unsafe_code)]
 
 use std::ffi::CStr;
@@ -38,6 +38,8 @@ pub enum Purpose {
     LeafAsHit,
     /// Counts of the reduced traversal that never shortens the ray.
     Unshortened,
+    /// No traversal, but sums, products and quotients, by which a device is checked.
+    Arithmetic,
 }
 
 /// A compiled kernel.
@@ -45,7 +47,7 @@ pub enum Purpose {
 pub struct Kernel {
     /// What it finds out.
     pub purpose: Purpose,
-    /// Entries of its stack: at least the depth of the scene.
+    /// Entries of its stack: at least the depth of the scene. 0 for a kernel that does not trace.
     pub stack: u32,
     /// Name of its entry point.
     pub entry: &'static CStr,
@@ -147,8 +149,15 @@ mod tests {
         let all = KERNELS[0].bindings;
         assert_eq!(all.iter().map(|b| b.binding).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
         for kernel in KERNELS {
-            assert_eq!(kernel.spirv()[0], MAGIC);
-            assert_eq!((kernel.workgroup, kernel.bindings), ([64, 1, 1], all));
+            assert_eq!((kernel.spirv()[0], kernel.workgroup), (MAGIC, [64, 1, 1]));
+            if kernel.purpose == Purpose::Arithmetic {
+                assert_eq!(
+                    kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
+                    [(4, false), (6, true)]
+                );
+            } else {
+                assert_eq!(kernel.bindings, all);
+            }
         }
     }
 
