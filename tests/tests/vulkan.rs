@@ -47,6 +47,8 @@ fn main() {
         let test = move || few_random_rays_are_left_to_the_host(index);
         all.push(Trial::test("few_random_rays_are_left_to_the_host", test).with_kind(format!("vulkan/{label}")));
         all.push(trial("too_many_rays_are_refused_with_their_size", too_many_rays_are_refused_with_their_size));
+        let test = move || the_validation_layer_is_at_work(index);
+        all.push(Trial::ignorable_test("the_validation_layer_is_at_work", test).with_kind(format!("vulkan/{label}")));
         all.push(trial("builtin_yard_is_the_processors", |device| compare(device, &builtin::yard())));
         all.push(trial("builtin_car_is_the_processors", |device| compare(device, &builtin::car())));
         match scenes::find() {
@@ -71,9 +73,8 @@ fn main() {
 
 /// Devices with their labels; and in place of missing ones, subjects that say why.
 fn find() -> (Vec<(String, Arc<VulkanDevice>)>, Vec<Subject>) {
-    let required = std::env::var("RT_REQUIRE").is_ok_and(|list| list.split(',').any(|name| name.trim() == "vulkan"));
     let found = match VulkanDevice::enumerate(Options { validation: true }) {
-        Err(OpenError::NoValidation) if !required => {
+        Err(OpenError::NoValidation) if !is_required() => {
             println!("vulkan: the validation layer is not installed: calls are not checked");
             VulkanDevice::enumerate(Options { validation: false })
         }
@@ -101,6 +102,11 @@ fn find() -> (Vec<(String, Arc<VulkanDevice>)>, Vec<Subject>) {
     }
     reasons.iter().for_each(|reason| println!("vulkan: {reason}"));
     (devices, Vec::new())
+}
+
+/// Whether `RT_REQUIRE` names Vulkan.
+fn is_required() -> bool {
+    std::env::var("RT_REQUIRE").is_ok_and(|list| list.split(',').any(|name| name.trim() == "vulkan"))
 }
 
 fn bits(hit: &Hit) -> [u32; 4] {
@@ -224,7 +230,21 @@ fn few_random_rays_are_left_to_the_host(index: usize) -> Result<(), Failed> {
     Ok(())
 }
 
-/// One more ray than the device binds at once, without a byte of memory for them: one camera pixel, many samples.
+/// A wrong call is objected to: else no message in the other tests would mean nothing.
+fn the_validation_layer_is_at_work(index: usize) -> Result<Completion, Failed> {
+    // Opened anew, so that the message does not reach the other tests.
+    let devices = match VulkanDevice::enumerate(Options { validation: true }) {
+        Err(e @ OpenError::NoValidation) if !is_required() => return Ok(Completion::ignored_with(e.to_string())),
+        devices => devices?,
+    };
+    let device = devices.into_iter().flatten().nth(index).ok_or("the device is gone")?;
+    match device.provoke_validation() {
+        Err(e) if e.to_string().contains("VUID") => Ok(Completion::Completed),
+        other => Err(format!("a wrong copy was not objected to: {other:?}").into()),
+    }
+}
+
+/// More rays than the device binds at once, without a byte of host memory for them: one camera pixel, many samples.
 fn too_many_rays_are_refused_with_their_size(device: &VulkanDevice) -> Result<(), Failed> {
     if !device.is_software() {
         // Real cards bind 4 GiB, for which preparing rays would take long.

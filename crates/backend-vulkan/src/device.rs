@@ -1,6 +1,8 @@
 //! Finding and opening devices.
 
 use crate::arithmetic;
+use crate::buffer::{Buffer, Use};
+use crate::commands::Commands;
 use crate::error::{OpenError, opening};
 use crate::instance::{API, Instance};
 use crate::logical::Logical;
@@ -144,6 +146,20 @@ impl VulkanDevice {
     #[must_use]
     pub const fn is_software(&self) -> bool {
         self.software
+    }
+
+    /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
+    /// that it is.
+    ///
+    /// # Errors
+    /// What the layer said. Devices that were enumerated together share its messages.
+    pub fn provoke_validation(&self) -> Result<(), DeviceError> {
+        let logical = &self.shared.logical;
+        let [from, to] = [Use::Download, Use::Upload].map(|purpose| Buffer::new(logical, "a word", 4, purpose));
+        let (from, to) = (from?, to?);
+        // The wrong way round: neither buffer was made for it.
+        Commands::new(logical)?.record(|record| record.copy(&from, &to, 0, 4))?;
+        logical.check_validation()
     }
 
     /// What the device's tracers have done so far.

@@ -105,13 +105,13 @@ fn trace(
                 if meeting.verdict == HITS && meeting.t == limit && best != MISS && primitives[slot] >= primitives[best] {
                     continue;
                 }
-                // A hit counts only where the ray, cut at it, enters the triangle's own box.
-                let cut = select(limit, meeting.t, meeting.verdict == HITS);
-                let range = enter(slabs, min(min(a, b), c), max(max(a, b), c), cut);
-                if range.x > range.y {
-                    continue;
-                }
                 if meeting.verdict == IN_DOUBT {
+                    // A hit counts only where the ray enters the triangle's own box. One that is certain exists, so the
+                    // padded box test cannot refuse it; for a doubtful one it often settles the matter.
+                    let range = enter(slabs, min(min(a, b), c), max(max(a, b), c), limit);
+                    if range.x > range.y {
+                        continue;
+                    }
                     best = DOUBTFUL;
                     break;
                 }
