@@ -3,10 +3,10 @@
 use crate::arithmetic;
 use crate::buffer::{Buffer, Use};
 use crate::commands::Commands;
-use crate::error::{OpenError, opening};
-use crate::instance::{API, Instance};
+use crate::error::OpenError;
+use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{Layout, Pipeline};
+use crate::pipeline::{BUFFERS, Layout, Pipeline};
 use crate::tracer::VulkanTracer;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
@@ -73,8 +73,7 @@ impl VulkanDevice {
     /// When there is no Vulkan, or no device at all.
     pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
         let instance = Arc::new(Instance::new(options.validation)?);
-        // SAFETY: the instance is alive.
-        let found = unsafe { instance.raw().enumerate_physical_devices() }.map_err(opening("list its devices"))?;
+        let found = instance.physical_devices()?;
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
@@ -82,29 +81,23 @@ impl VulkanDevice {
     }
 
     fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
-        let mut driver = vk::PhysicalDeviceDriverProperties::default();
-        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
-        // SAFETY: `physical` is of this instance, whose version has this call.
-        unsafe { instance.raw().get_physical_device_properties2(physical, &mut properties) };
-        let properties = properties.properties;
-        let text = |text: Option<&std::ffi::CStr>| text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
-        let name = text(properties.device_name_as_c_str().ok());
-        let [driver_name, version] = [driver.driver_name_as_c_str().ok(), driver.driver_info_as_c_str().ok()].map(text);
+        let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
+            instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
-        if properties.api_version < API {
+        if !has_api {
             return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
         }
-        if driver.driver_id == vk::DriverId::MESA_LLVMPIPE && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
+        if is_llvmpipe && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
             return Err(refuse(format!(
-                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or later"
+                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or \
+                 later"
             )));
         }
-        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default();
-        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut timeline);
-        // SAFETY: likewise.
-        unsafe { instance.raw().get_physical_device_features2(physical, &mut features) };
-        if timeline.timeline_semaphore == vk::FALSE {
+        if !has_timelines {
             return Err(refuse("it has no timeline semaphores".to_owned()));
+        }
+        if (buffers as usize) < BUFFERS {
+            return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
         let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
@@ -128,12 +121,7 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self {
-            info,
-            driver: format!("{driver_name} {version}"),
-            software: properties.device_type == vk::PhysicalDeviceType::CPU,
-            shared: Arc::new(shared),
-        })
+        Ok(Self { info, driver: format!("{driver} {version}"), software: is_software, shared: Arc::new(shared) })
     }
 
     /// The driver's name and version.

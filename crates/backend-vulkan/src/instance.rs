@@ -8,7 +8,25 @@ use std::fmt;
 use std::sync::{Mutex, PoisonError};
 
 /// The version of Vulkan that we need, for timeline semaphores.
-pub(crate) const API: u32 = vk::API_VERSION_1_2;
+const API: u32 = vk::API_VERSION_1_2;
+
+/// What a driver says of a device, as far as it decides whether we use it.
+#[derive(Clone, Debug)]
+pub(crate) struct Description {
+    pub name: String,
+    /// The driver's name, and its version in its own words.
+    pub driver: String,
+    pub version: String,
+    /// Whether it is Mesa's software rasteriser.
+    pub is_llvmpipe: bool,
+    /// Whether it is a processor.
+    pub is_software: bool,
+    /// Whether it knows the version of Vulkan that we need.
+    pub has_api: bool,
+    pub has_timelines: bool,
+    /// Greatest number of storage buffers that a kernel may use.
+    pub buffers: u32,
+}
 
 /// Messages of the validation layer. Behind a pointer that the driver holds, hence never moved.
 #[derive(Debug, Default)]
@@ -71,6 +89,36 @@ impl Instance {
 
     pub(crate) const fn raw(&self) -> &ash::Instance {
         &self.raw
+    }
+
+    /// The system's devices, in its order.
+    pub(crate) fn physical_devices(&self) -> Result<Vec<vk::PhysicalDevice>, OpenError> {
+        // SAFETY: the instance is alive.
+        unsafe { self.raw.enumerate_physical_devices() }.map_err(opening("list its devices"))
+    }
+
+    /// What the driver says of a device of this instance.
+    pub(crate) fn describe(&self, physical: vk::PhysicalDevice) -> Description {
+        let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        // SAFETY: `physical` is of this instance, and the structures are those that the call fills.
+        unsafe { self.raw.get_physical_device_properties2(physical, &mut properties) };
+        let properties = properties.properties;
+        let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default();
+        let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut timeline);
+        // SAFETY: likewise.
+        unsafe { self.raw.get_physical_device_features2(physical, &mut features) };
+        let text = |text: Option<&CStr>| text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
+        Description {
+            name: text(properties.device_name_as_c_str().ok()),
+            driver: text(driver.driver_name_as_c_str().ok()),
+            version: text(driver.driver_info_as_c_str().ok()),
+            is_llvmpipe: driver.driver_id == vk::DriverId::MESA_LLVMPIPE,
+            is_software: properties.device_type == vk::PhysicalDeviceType::CPU,
+            has_api: properties.api_version >= API,
+            has_timelines: timeline.timeline_semaphore == vk::TRUE,
+            buffers: properties.limits.max_per_stage_descriptor_storage_buffers,
+        }
     }
 
     /// What the validation layer said since the last call.
