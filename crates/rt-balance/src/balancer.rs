@@ -7,7 +7,7 @@ use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::run;
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
-use rt_core::{Device, DeviceInfo, Hit, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Tracer};
+use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Tracer};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -31,6 +31,9 @@ pub(crate) struct Member {
     pub(crate) tracer: Option<Box<dyn Tracer>>,
     pub(crate) models: Models,
     pub(crate) failure: Option<String>,
+    /// Results of the last launch, kept for their memory: a large launch would otherwise spend a twentieth of its time
+    /// on fresh pages.
+    pub(crate) buffers: Launch,
 }
 
 /// The caller's slices, shared by the device threads.
@@ -53,7 +56,13 @@ impl Balancer {
         let open = |device: &Arc<dyn Device>| {
             let info = device.info().clone();
             match device.tracer(Arc::clone(&scene), clock::now) {
-                Ok(tracer) => Ok(Member { info, tracer: Some(tracer), models: Models::default(), failure: None }),
+                Ok(tracer) => Ok(Member {
+                    info,
+                    tracer: Some(tracer),
+                    models: Models::default(),
+                    failure: None,
+                    buffers: Launch::default(),
+                }),
                 Err(source) => Err(BalanceError::Open { device: info.name, source }),
             }
         };

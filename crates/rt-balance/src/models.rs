@@ -68,14 +68,65 @@ pub(crate) fn measured(launches: f64, work: &Work, seconds: f64) -> Measured {
     Measured { launches, rays, boxes, triangles, seconds }
 }
 
-/// The cost model of each lane for a kind of stream: from launches where every lane has some, else from walks, else one
-/// for all. Models from different sources must not meet in one schedule, since walks are dearer than launches.
-pub(crate) fn models_for(members: &[Member], lanes: &[usize], kind: StreamKind) -> Vec<CostModel> {
+/// Devices whose models differ by less than this on the work at hand share one, fitted to the launches of all.
+///
+/// On a shared machine the fits of two equal cores differ by some percent from stream to stream; believing that would
+/// unbalance a static schedule by half of it. Real differences below this are left to the queue.
+const ALIKE: f64 = 1.15;
+
+/// The cost model of each lane for `work` of a kind of stream: from launches where every lane has some, else from
+/// walks, else one for all. Models from different sources must not meet in one schedule, since walks are dearer than
+/// launches.
+pub(crate) fn models_for(members: &[Member], lanes: &[usize], kind: StreamKind, work: &[Work]) -> Vec<CostModel> {
     let class = class(kind);
-    let all = |of: fn(&Models) -> &[Calibration; CLASSES]| -> Option<Vec<CostModel>> {
-        lanes.iter().map(|&lane| Some(of(&members[lane].models)[class].fit()?.model)).collect()
+    let of = |calibrations: fn(&Models) -> &[Calibration; CLASSES]| -> Vec<Calibration> {
+        lanes.iter().map(|&lane| calibrations(&members[lane].models)[class]).collect()
     };
-    all(|models| &models.launches)
-        .or_else(|| all(|models| &models.walks))
+    fitted(&of(|models| &models.launches), work)
+        .or_else(|| fitted(&of(|models| &models.walks), work))
         .unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+}
+
+/// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.
+fn fitted(calibrations: &[Calibration], work: &[Work]) -> Option<Vec<CostModel>> {
+    let total = work.iter().fold(Work::default(), |sum, work| sum.plus(work));
+    let fits: Option<Vec<CostModel>> = calibrations.iter().map(|c| Some(c.fit()?.model)).collect();
+    let mut models = fits?;
+    let seconds: Vec<f64> = models.iter().map(|model| model.seconds(&total)).collect();
+    let mut order: Vec<usize> = (0..models.len()).collect();
+    order.sort_by(|&a, &b| seconds[a].total_cmp(&seconds[b]));
+    // From the fastest up; a group ends where the next device is not like the group's first.
+    for group in order.chunk_by(|&a, &b| seconds[b] <= ALIKE * seconds[a]) {
+        let pooled = group[1..].iter().fold(calibrations[group[0]], |pooled, &i| pooled.pooled(&calibrations[i]));
+        if let Some(fit) = pooled.fit() {
+            group.iter().for_each(|&i| models[i] = fit.model);
+        }
+    }
+    Some(models)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A device that needs `ns` nanoseconds for every ray and test, as measured in 20 launches.
+    fn device(ns: f64) -> Calibration {
+        let mut calibration = Calibration::default();
+        for i in 1..=20_u16 {
+            let work = Work::new(100.0, 1000.0 * f32::from(i % 7 + 1), 100.0 * f32::from(i % 3));
+            let seconds = f64::from(work.rays() + work.tests()) * ns * 1e-9;
+            calibration.observe(measured(0.0, &work, seconds));
+        }
+        calibration
+    }
+
+    #[test]
+    fn alike_devices_share_a_model_and_others_do_not() {
+        let work = [Work::new(1e6, 1e7, 1e6)];
+        let models = fitted(&[device(1.0), device(2.0), device(1.05)], &work).expect("all were measured");
+        assert_eq!(models[0], models[2]);
+        let [slow, fast] = [1, 0].map(|i: usize| models[i].seconds(&work[0]));
+        assert!((1.9..2.0).contains(&(slow / fast)), "{slow} {fast}");
+        assert_eq!(fitted(&[device(1.0), Calibration::default()], &work), None);
+    }
 }

@@ -39,8 +39,8 @@ pub(crate) fn plan_of(
     if lanes.is_empty() {
         return Err(all_lost(members, stream.tasks.len()));
     }
-    let models = models_for(members, &lanes, stream.kind);
     let left = left_of(stream, estimated);
+    let models = models_for(members, &lanes, stream.kind, &left);
     let queue: Box<dyn TaskQueue> = match scheduling.queue {
         QueueKind::Central => Box::new(CentralQueue::new(&left, &models)),
         QueueKind::Static => Box::new(StaticQueue::new(&scheduling.policy()?.schedule(&left, &models))),

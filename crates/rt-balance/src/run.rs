@@ -119,7 +119,7 @@ impl Lane<'_, '_> {
         let capacity = member.info.in_flight.max(1) as usize;
         // A panic in one backend must not leave the others waiting for its tasks.
         let result = catch_unwind(AssertUnwindSafe(|| match &mut member.tracer {
-            Some(tracer) => self.work(&mut **tracer, capacity, &mut launches),
+            Some(tracer) => self.work(&mut **tracer, capacity, &mut member.buffers, &mut launches),
             None => Ok(()),
         }))
         .unwrap_or_else(|_| Err(DeviceError::new(DeviceErrorKind::Lost, "the backend panicked")));
@@ -136,10 +136,10 @@ impl Lane<'_, '_> {
         &mut self,
         tracer: &mut dyn Tracer,
         capacity: usize,
+        buffers: &mut Launch,
         launches: &mut Vec<LaunchDone>,
     ) -> Result<(), DeviceError> {
         let queue: &dyn TaskQueue = &*self.shared.plan.queue;
-        let mut buffers = Launch::default();
         loop {
             let heard = self.shared.bell.rings();
             let mut last = Pop::Done;
@@ -162,10 +162,10 @@ impl Lane<'_, '_> {
                 }
                 return Ok(());
             };
-            tracer.wait(*ticket, self.shared.limit, &mut buffers)?;
-            self.check(&buffers)?;
+            tracer.wait(*ticket, self.shared.limit, buffers)?;
+            self.check(buffers)?;
             if let Some((_, tasks)) = self.in_flight.pop_front() {
-                launches.push(self.take(&tasks, &buffers));
+                launches.push(self.take(&tasks, buffers));
                 queue.finish(self.lane, &tasks);
                 self.shared.bell.ring();
             }
