@@ -2,7 +2,7 @@
 
 use crate::estimate::estimate;
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::models::Models;
+use crate::models::{Key, Models};
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::run;
@@ -140,7 +140,8 @@ impl Balancer {
         let outputs = Mutex::new(Outputs { hits, counts });
         self.load(stream)?;
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
-        learn_walks(&mut self.members, stream, &estimated);
+        let key = Key::of(&*scheduling.estimator, stream.kind);
+        learn_walks(&mut self.members, key, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
         let planned = clock::now();
         let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
@@ -154,7 +155,7 @@ impl Balancer {
                 outcomes: &launch.outcomes,
             });
         }
-        learn_launches(&mut self.members, stream, &plan, &ran);
+        learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, begin, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
     }

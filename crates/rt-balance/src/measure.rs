@@ -2,6 +2,7 @@
 
 use crate::balancer::Member;
 use crate::estimate::Estimated;
+use crate::models::Key;
 use crate::plan::Plan;
 use crate::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
 use crate::run::{LaunchDone, Ran};
@@ -83,17 +84,19 @@ pub(crate) fn measure(
 }
 
 /// Adds the estimation's walks to the cost models: before the first launch they are all that is known of speeds.
-pub(crate) fn learn_walks(members: &mut [Member], stream: &Stream, estimated: &Estimated) {
+pub(crate) fn learn_walks(members: &mut [Member], key: Option<Key>, estimated: &Estimated) {
+    let Some(key) = key else { return };
     for walk in &estimated.walks {
-        members[walk.member].models.walked(stream.kind, walk);
+        members[walk.member].models.walked(key, walk);
     }
 }
 
 /// Adds every launch to the cost models.
-pub(crate) fn learn_launches(members: &mut [Member], stream: &Stream, plan: &Plan, ran: &Ran) {
+pub(crate) fn learn_launches(members: &mut [Member], key: Option<Key>, plan: &Plan, ran: &Ran) {
+    let Some(key) = key else { return };
     for launch in &ran.launches {
         let left = |task: TaskId| &plan.left[task as usize];
-        members[launch.member].models.launched(stream.kind, launch, left);
+        members[launch.member].models.launched(key, launch, left);
     }
 }
 

@@ -3,34 +3,44 @@
 use crate::balancer::Member;
 use crate::estimate::WalkRecord;
 use crate::run::LaunchDone;
-use rt_core::{CostModel, StreamKind, TaskId, Work};
+use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Measured};
+use std::collections::BTreeMap;
 
 /// The measurements of one device.
 #[derive(Debug, Default)]
 pub(crate) struct Models {
-    /// Launches, per class of stream: incoherent rays miss the caches that coherent ones hit.
-    launches: [Calibration; CLASSES],
+    /// Launches. Prices fitted to one estimator's counts mean nothing for another's.
+    launches: BTreeMap<Key, Calibration>,
     /// Walks of samples: dearer per test than launches, since sparse rays share little, but alike on all devices, so
     /// they tell relative speeds before the first launch.
-    walks: [Calibration; CLASSES],
+    walks: BTreeMap<Key, Calibration>,
 }
 
-/// Number of [`class`]es.
-const CLASSES: usize = 4;
+/// What launches must have in common to be priced alike: the estimator that counted their tests, and the kind of
+/// stream, since incoherent rays miss the caches that coherent ones hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    estimator: &'static str,
+    class: u8,
+}
 
-const fn class(kind: StreamKind) -> usize {
-    match kind {
-        StreamKind::Primary => 0,
-        StreamKind::Shadow(_) => 1,
-        StreamKind::Diffuse(_) => 2,
-        _ => 3,
+impl Key {
+    /// The key of a stream; `None` when the estimator does not count tests.
+    pub(crate) fn of(estimator: &dyn CostEstimator, kind: StreamKind) -> Option<Self> {
+        let class = match kind {
+            StreamKind::Primary => 0,
+            StreamKind::Shadow(_) => 1,
+            StreamKind::Diffuse(_) => 2,
+            _ => 3,
+        };
+        estimator.counts_tests().then(|| Self { estimator: estimator.name(), class })
     }
 }
 
 impl Models {
-    pub(crate) fn walked(&mut self, kind: StreamKind, walk: &WalkRecord) {
-        self.walks[class(kind)].observe(Measured {
+    pub(crate) fn walked(&mut self, key: Key, walk: &WalkRecord) {
+        self.walks.entry(key).or_default().observe(Measured {
             launches: 1.0,
             rays: walk.rays.into(),
             boxes: walk.boxes as f64,
@@ -40,8 +50,8 @@ impl Models {
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
-    pub(crate) fn launched<'a>(&mut self, kind: StreamKind, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
-        let calibration = &mut self.launches[class(kind)];
+    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
+        let calibration = self.launches.entry(key).or_default();
         let seconds = launch.span.duration().as_secs_f64();
         if launch.per_task {
             let mut inside = 0.0;
@@ -56,9 +66,10 @@ impl Models {
         }
     }
 
-    /// Fitted seconds of a launch before its first ray; 0 before anything was measured.
-    pub(crate) fn per_launch(&self, kind: StreamKind) -> f64 {
-        self.launches[class(kind)].fit().map_or(0.0, |fit| fit.model.per_launch())
+    /// Fitted seconds of a launch before its first ray, over all streams; 0 before anything was measured.
+    pub(crate) fn per_launch(&self) -> f64 {
+        let fits = self.launches.values().filter_map(|c| Some(c.fit()?.model.per_launch()));
+        fits.reduce(f64::min).unwrap_or(0.0)
     }
 }
 
@@ -74,17 +85,15 @@ pub(crate) fn measured(launches: f64, work: &Work, seconds: f64) -> Measured {
 /// unbalance a static schedule by half of it. Real differences below this are left to the queue.
 const ALIKE: f64 = 1.15;
 
-/// The cost model of each lane for `work` of a kind of stream: from launches where every lane has some, else from
-/// walks, else one for all. Models from different sources must not meet in one schedule, since walks are dearer than
-/// launches.
-pub(crate) fn models_for(members: &[Member], lanes: &[usize], kind: StreamKind, work: &[Work]) -> Vec<CostModel> {
-    let class = class(kind);
-    let of = |calibrations: fn(&Models) -> &[Calibration; CLASSES]| -> Vec<Calibration> {
-        lanes.iter().map(|&lane| calibrations(&members[lane].models)[class]).collect()
+/// The cost model of each lane for `work`: from launches where every lane has some, else from walks, else one for all.
+/// Models from different sources must not meet in one schedule, since walks are dearer than launches.
+pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, work: &[Work]) -> Vec<CostModel> {
+    let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<Calibration>> {
+        lanes.iter().map(|&lane| calibrations(&members[lane].models).get(&key?).copied()).collect()
     };
-    fitted(&of(|models| &models.launches), work)
-        .or_else(|| fitted(&of(|models| &models.walks), work))
-        .unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+    let launches = of(|models| &models.launches).and_then(|calibrations| fitted(&calibrations, work));
+    let walks = || of(|models| &models.walks).and_then(|calibrations| fitted(&calibrations, work));
+    launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
 }
 
 /// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.

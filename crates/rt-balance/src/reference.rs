@@ -139,7 +139,7 @@ fn on_tracer<T>(
 /// Median seconds of each task; empty when the device failed.
 fn time_tasks(member: &mut Member, stream: &Stream, passes: usize) -> Vec<f64> {
     let mut samples = vec![Vec::with_capacity(passes); stream.tasks.len()];
-    let launch_s = member.models.per_launch(stream.kind);
+    let launch_s = member.models.per_launch();
     let done = on_tracer(member, |tracer| {
         let mut launch = Launch::default();
         for _ in 0..passes {

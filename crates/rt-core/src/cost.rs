@@ -248,6 +248,12 @@ pub trait CostEstimator: Debug + Send {
     /// empty observation; after [`Step::Done`] the next call begins another stream.
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step;
 
+    /// Whether the work it returns counts tests, so that cost models can be fitted to it. An estimator that knows
+    /// nothing of a task but its size says `false`; its streams are scheduled as if all devices were alike.
+    fn counts_tests(&self) -> bool {
+        true
+    }
+
     /// Learns from a finished launch. Called after the stream was traced; most estimators ignore it.
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         let _ = launch;
