@@ -58,6 +58,9 @@ pub(crate) fn defect() -> Result<Option<String>> {
 /// Puts the packages and the driver in place, and says where the driver is from.
 pub(crate) fn install() -> Result<String> {
     apt::install(PACKAGES)?;
+    if defect()?.is_none() {
+        return Ok("installed packages; the driver was there".to_owned());
+    }
     if let Some(manifest) = good_system_manifest()? {
         return Ok(format!("{DEVICES} devices of the system's driver, {}", manifest.display()));
     }
@@ -226,4 +229,54 @@ fn remove(folder: &Path) -> Result<()> {
         fs::remove_dir_all(folder).with_context(|| format!("cannot remove `{}`", folder.display()))?;
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAYER: &str = "VK_LAYER_KHRONOS_validation Khronos Validation Layer 1.3.239  version 1\n";
+
+    fn device(name: &str, info: &str) -> String {
+        format!("GPU:\n\tdriverID           = ANY\n\tdriverName         = {name}\n\tdriverInfo         = {info}\n")
+    }
+
+    #[test]
+    fn three_new_devices_with_the_layer_will_do_and_nothing_less() {
+        let new = device("llvmpipe", "Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)");
+        let old = device("llvmpipe", "Mesa 22.3.6 (LLVM 15.0.6)");
+        let other = device("radv", "Mesa 25.0.7");
+        assert_eq!(fault(&format!("{LAYER}{new}{new}{new}")), None);
+        for (summary, reason) in [
+            (String::new(), "3 devices"),
+            (format!("{LAYER}{new}{new}"), "3 devices"),
+            (format!("{LAYER}{new}{other}{new}"), "3 devices"),
+            (format!("{LAYER}{new}{new}{old}"), "Mesa 22.3.6"),
+            (format!("{new}{new}{new}"), VALIDATION_LAYER),
+        ] {
+            let fault = fault(&summary).unwrap();
+            assert!(fault.contains(reason), "{fault}");
+        }
+    }
+
+    #[test]
+    fn a_version_is_read_only_from_mesas_own_words() {
+        assert_eq!(mesa_major("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
+        assert_eq!(mesa_major("Mesa 26.1.0-devel (git-0)"), Some(26));
+        assert_eq!(mesa_major("535.183.01"), None);
+    }
+
+    #[test]
+    fn lavapipe_is_found_under_both_of_its_names_and_nothing_else_is() {
+        let dir = tempfile::tempdir().unwrap();
+        fs::write(dir.path().join("intel_icd.x86_64.json"), "").unwrap();
+        assert!(lavapipe_manifest(dir.path()).is_err());
+        for name in ["lvp_icd.json", "lvp_icd.x86_64.json"] {
+            let path = dir.path().join(name);
+            fs::write(&path, r#"{"ICD": {"library_path": "/driver.so"}}"#).unwrap();
+            assert_eq!(lavapipe_manifest(dir.path()).unwrap(), path);
+            assert_eq!(library_of(&path), Some("/driver.so".into()));
+            fs::remove_file(path).unwrap();
+        }
+    }
 }
