@@ -2,12 +2,13 @@
 
 use crate::estimate::estimate;
 use crate::measure::{Times, learn_launches, learn_walks, measure};
+use crate::member::{Member, Outputs, all_lost};
 use crate::models::{Key, Models};
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::run;
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
-use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Tracer};
+use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -21,26 +22,6 @@ pub struct Balancer {
     scene: Arc<Scene>,
     members: Vec<Member>,
     origin: Duration,
-}
-
-/// A device of the run.
-#[derive(Debug)]
-pub(crate) struct Member {
-    pub(crate) info: DeviceInfo,
-    /// Absent once the device has failed.
-    pub(crate) tracer: Option<Box<dyn Tracer>>,
-    pub(crate) models: Models,
-    pub(crate) failure: Option<String>,
-    /// Results of the last launch, kept for their memory: a large launch would otherwise spend a twentieth of its time
-    /// on fresh pages.
-    pub(crate) buffers: Launch,
-}
-
-/// The caller's slices, shared by the device threads.
-#[derive(Debug)]
-pub(crate) struct Outputs<'a> {
-    pub(crate) hits: &'a mut [Hit],
-    pub(crate) counts: Option<&'a mut [TestCounts]>,
 }
 
 impl Balancer {
@@ -181,31 +162,6 @@ impl Balancer {
             Err(all_lost(&self.members, stream.tasks.len()))
         }
     }
-}
-
-impl Member {
-    /// Drops the device out of this and all later streams.
-    pub(crate) fn fail(&mut self, error: &rt_core::DeviceError) {
-        self.tracer = None;
-        self.failure = Some(describe(error));
-    }
-}
-
-/// An error and its causes on one line.
-pub(crate) fn describe(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        text.push_str(": ");
-        text.push_str(&cause.to_string());
-        source = cause.source();
-    }
-    text
-}
-
-pub(crate) fn all_lost(members: &[Member], unfinished: usize) -> BalanceError {
-    let failures = members.iter().filter_map(|m| Some((m.info.name.clone(), m.failure.clone()?))).collect();
-    BalanceError::AllDevicesLost { unfinished, failures }
 }
 
 fn check_length(argument: &'static str, found: usize, rays: usize) -> Result<(), BalanceError> {

@@ -1,9 +1,9 @@
 //! Walks an estimator's samples on all devices in parallel.
 
-use crate::balancer::{Member, Outputs, all_lost};
-use crate::report::{Activity, ActivityKind};
+use crate::member::{Member, Outputs, all_lost};
+use crate::record::WalkRecord;
 use crate::{BalanceError, Stream};
-use rt_core::{CostEstimator, DeviceError, Hit, Observation, RayMask, Span, Step, TestCounts, Walk, Work};
+use rt_core::{CostEstimator, DeviceError, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -23,30 +23,6 @@ pub(crate) struct Estimated {
     /// Rays walked, over all steps.
     pub(crate) walked: u64,
     pub(crate) walks: Vec<WalkRecord>,
-}
-
-/// One call of [`rt_core::Tracer::walk`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct WalkRecord {
-    pub(crate) member: usize,
-    pub(crate) span: Span,
-    pub(crate) rays: u32,
-    pub(crate) boxes: u64,
-    pub(crate) triangles: u64,
-}
-
-impl WalkRecord {
-    pub(crate) fn activity(&self, origin: std::time::Duration) -> Activity {
-        Activity {
-            device: self.member,
-            kind: ActivityKind::Estimate,
-            start_s: self.span.start.saturating_sub(origin).as_secs_f64(),
-            end_s: self.span.end.saturating_sub(origin).as_secs_f64(),
-            tasks: Vec::new(),
-            rays: self.rays,
-            predicted_s: None,
-        }
-    }
 }
 
 /// Runs the estimator until it is done. Hits of full walks go to `outputs`.

@@ -1,8 +1,7 @@
 //! What was learned about each device's speed.
 
-use crate::balancer::Member;
-use crate::estimate::WalkRecord;
-use crate::run::LaunchDone;
+use crate::member::Member;
+use crate::record::{LaunchRecord, WalkRecord};
 use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Measured};
 use std::collections::BTreeMap;
@@ -50,7 +49,7 @@ impl Models {
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
-    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
+    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchRecord, left: impl Fn(TaskId) -> &'a Work) {
         let calibration = self.launches.entry(key).or_default();
         let seconds = launch.span.duration().as_secs_f64();
         if launch.per_task {

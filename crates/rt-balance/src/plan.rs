@@ -1,7 +1,7 @@
 //! Turns an estimate into a queue.
 
-use crate::balancer::{Member, all_lost};
 use crate::estimate::Estimated;
+use crate::member::{Member, all_lost};
 use crate::models::{Key, models_for};
 use crate::{BalanceError, QueueKind, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};

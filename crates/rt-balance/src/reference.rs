@@ -1,7 +1,8 @@
 //! The separate pass that makes excess and estimation errors known.
 
-use crate::balancer::{Balancer, Member};
+use crate::balancer::Balancer;
 use crate::measure::tests_of;
+use crate::member::Member;
 use crate::models::measured;
 use crate::report::StreamRun;
 use crate::{BalanceError, Stream, clock};
@@ -57,7 +58,7 @@ impl Balancer {
             }
         }
         let Some(tests) = tests else {
-            return Err(crate::balancer::all_lost(self.members(), stream.tasks.len()));
+            return Err(crate::member::all_lost(self.members(), stream.tasks.len()));
         };
         let lower_bound_s = lower_bound(&seconds);
         let wall_s = clock::now().saturating_sub(begin).as_secs_f64();

@@ -1,9 +1,10 @@
 //! Runs a plan: one host thread per device, two launches in flight, every task finished exactly once.
 
-use crate::balancer::{Member, Outputs, all_lost};
+use crate::member::{Member, Outputs, all_lost};
 use crate::plan::Plan;
+use crate::record::LaunchRecord;
 use crate::{BalanceError, Control, Stream};
-use rt_core::{DeviceError, DeviceErrorKind, Launch, Span, Task, TaskId, TaskOutcome, Ticket, Tracer};
+use rt_core::{DeviceError, DeviceErrorKind, Launch, Task, TaskId, TaskOutcome, Ticket, Tracer};
 use rt_sched::queue::{Pop, TaskQueue};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,19 +18,7 @@ const NAP: Duration = Duration::from_millis(5);
 /// What happened.
 #[derive(Debug, Default)]
 pub(crate) struct Ran {
-    pub(crate) launches: Vec<LaunchDone>,
-}
-
-/// A launch whose hits are on the host.
-#[derive(Debug)]
-pub(crate) struct LaunchDone {
-    /// Position of the device among all members.
-    pub(crate) member: usize,
-    pub(crate) span: Span,
-    pub(crate) rays: u32,
-    pub(crate) outcomes: Vec<TaskOutcome>,
-    /// Whether the outcomes' seconds were measured per task, not apportioned.
-    pub(crate) per_task: bool,
+    pub(crate) launches: Vec<LaunchRecord>,
 }
 
 /// What the device threads share.
@@ -114,7 +103,7 @@ struct Lane<'a, 'o> {
 }
 
 impl Lane<'_, '_> {
-    fn drive(mut self, member: &mut Member) -> Vec<LaunchDone> {
+    fn drive(mut self, member: &mut Member) -> Vec<LaunchRecord> {
         let mut launches = Vec::new();
         let capacity = member.info.in_flight.max(1) as usize;
         // A panic in one backend must not leave the others waiting for its tasks.
@@ -137,7 +126,7 @@ impl Lane<'_, '_> {
         tracer: &mut dyn Tracer,
         capacity: usize,
         buffers: &mut Launch,
-        launches: &mut Vec<LaunchDone>,
+        launches: &mut Vec<LaunchRecord>,
     ) -> Result<(), DeviceError> {
         let queue: &dyn TaskQueue = &*self.shared.plan.queue;
         loop {
@@ -185,7 +174,7 @@ impl Lane<'_, '_> {
     }
 
     /// Copies a launch's results to the caller's slices and notes what it took.
-    fn take(&self, tasks: &[TaskId], launch: &Launch) -> LaunchDone {
+    fn take(&self, tasks: &[TaskId], launch: &Launch) -> LaunchRecord {
         let Shared { stream, plan, .. } = self.shared;
         let mut out = self.shared.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut at = 0;
@@ -214,7 +203,7 @@ impl Lane<'_, '_> {
             _ => busy / tasks.len() as f64,
         };
         let outcome = |(i, &task)| TaskOutcome { task, predicted_s: predicted[i], measured_s: measured(i) };
-        LaunchDone {
+        LaunchRecord {
             member: self.index,
             span: launch.span,
             rays: at as u32,
