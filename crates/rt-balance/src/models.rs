@@ -1,7 +1,7 @@
 //! What was learned about each device's speed.
 
 use crate::member::Member;
-use crate::record::{LaunchRecord, WalkRecord};
+use crate::record::{LaunchDone, WalkDone};
 use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Measured};
 use std::collections::BTreeMap;
@@ -38,7 +38,7 @@ impl Key {
 }
 
 impl Models {
-    pub(crate) fn walked(&mut self, key: Key, walk: &WalkRecord) {
+    pub(crate) fn walked(&mut self, key: Key, walk: &WalkDone) {
         self.walks.entry(key).or_default().observe(Measured {
             launches: 1.0,
             rays: walk.rays.into(),
@@ -49,7 +49,7 @@ impl Models {
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
-    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchRecord, left: impl Fn(TaskId) -> &'a Work) {
+    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
         let calibration = self.launches.entry(key).or_default();
         let seconds = launch.span.duration().as_secs_f64();
         if launch.per_task {

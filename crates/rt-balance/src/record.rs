@@ -6,7 +6,7 @@ use std::time::Duration;
 
 /// One call of [`rt_core::Tracer::walk`].
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct WalkRecord {
+pub(crate) struct WalkDone {
     pub(crate) member: usize,
     pub(crate) span: Span,
     pub(crate) rays: u32,
@@ -14,7 +14,7 @@ pub(crate) struct WalkRecord {
     pub(crate) triangles: u64,
 }
 
-impl WalkRecord {
+impl WalkDone {
     /// The walk as a bar of the timeline that begins at `origin`.
     pub(crate) fn activity(&self, origin: Duration) -> Activity {
         Activity {
@@ -31,7 +31,7 @@ impl WalkRecord {
 
 /// A launch whose hits are on the host.
 #[derive(Debug)]
-pub(crate) struct LaunchRecord {
+pub(crate) struct LaunchDone {
     /// Position of the device among all members.
     pub(crate) member: usize,
     pub(crate) span: Span,
@@ -41,7 +41,7 @@ pub(crate) struct LaunchRecord {
     pub(crate) per_task: bool,
 }
 
-impl LaunchRecord {
+impl LaunchDone {
     /// The launch as a bar of the timeline that begins at `origin`.
     pub(crate) fn activity(&self, origin: Duration) -> Activity {
         Activity {

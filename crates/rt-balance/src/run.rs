@@ -2,7 +2,7 @@
 
 use crate::member::{Member, Outputs, all_lost};
 use crate::plan::Plan;
-use crate::record::LaunchRecord;
+use crate::record::LaunchDone;
 use crate::{BalanceError, Control, Stream};
 use rt_core::{DeviceError, DeviceErrorKind, Launch, Task, TaskId, TaskOutcome, Ticket, Tracer};
 use rt_sched::queue::{Pop, TaskQueue};
@@ -18,7 +18,7 @@ const NAP: Duration = Duration::from_millis(5);
 /// What happened.
 #[derive(Debug, Default)]
 pub(crate) struct Ran {
-    pub(crate) launches: Vec<LaunchRecord>,
+    pub(crate) launches: Vec<LaunchDone>,
 }
 
 /// What the device threads share.
@@ -103,7 +103,7 @@ struct Lane<'a, 'o> {
 }
 
 impl Lane<'_, '_> {
-    fn drive(mut self, member: &mut Member) -> Vec<LaunchRecord> {
+    fn drive(mut self, member: &mut Member) -> Vec<LaunchDone> {
         let mut launches = Vec::new();
         let capacity = member.info.in_flight.max(1) as usize;
         // A panic in one backend must not leave the others waiting for its tasks.
@@ -126,7 +126,7 @@ impl Lane<'_, '_> {
         tracer: &mut dyn Tracer,
         capacity: usize,
         buffers: &mut Launch,
-        launches: &mut Vec<LaunchRecord>,
+        launches: &mut Vec<LaunchDone>,
     ) -> Result<(), DeviceError> {
         let queue: &dyn TaskQueue = &*self.shared.plan.queue;
         loop {
@@ -174,7 +174,7 @@ impl Lane<'_, '_> {
     }
 
     /// Copies a launch's results to the caller's slices and notes what it took.
-    fn take(&self, tasks: &[TaskId], launch: &Launch) -> LaunchRecord {
+    fn take(&self, tasks: &[TaskId], launch: &Launch) -> LaunchDone {
         let Shared { stream, plan, .. } = self.shared;
         let mut out = self.shared.outputs.lock().unwrap_or_else(PoisonError::into_inner);
         let mut at = 0;
@@ -203,7 +203,7 @@ impl Lane<'_, '_> {
             _ => busy / tasks.len() as f64,
         };
         let outcome = |(i, &task)| TaskOutcome { task, predicted_s: predicted[i], measured_s: measured(i) };
-        LaunchRecord {
+        LaunchDone {
             member: self.index,
             span: launch.span,
             rays: at as u32,

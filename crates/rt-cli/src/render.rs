@@ -176,7 +176,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,
         builder: build.builder.to_string(),
-        precision: crate::scene_source::precision_name(prepared.precision),
+        precision: prepared.precision.name(),
         bvh_bytes: scene.bytes(),
         plan: prepared.plan.clone(),
     }

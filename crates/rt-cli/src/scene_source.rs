@@ -100,12 +100,3 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
     }
     Ok(loaded.model)
 }
-
-/// The name of a precision, as the command line spells it.
-pub(crate) const fn precision_name(precision: Precision) -> &'static str {
-    match precision {
-        Precision::Robust => "robust",
-        Precision::Fast => "fast",
-        Precision::Double => "f64",
-    }
-}

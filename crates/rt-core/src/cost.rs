@@ -178,6 +178,8 @@ pub struct RayStream<'a> {
     pub tasks: &'a [Task],
     /// Seed of this stream's samples.
     pub seed: u32,
+    /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
+    pub part: u32,
 }
 
 impl RayStream<'_> {
