@@ -144,12 +144,14 @@ fn a_device_may_fail_anywhere() {
                 let mut balancer = Balancer::new(Arc::clone(&fixture().scene), &devices).expect("a balancer");
                 let what = format!("{queue:?}, {fault:?}");
                 let mut scheduling = scheduling(queue, Box::new(sampled(Walk::Full, 1.0 / 16.0)));
-                let first = trace_and_check(&what, &mut balancer, &mut scheduling);
-                let second = trace_and_check(&what, &mut balancer, &mut scheduling);
-                let errors = [first, second].map(|run| run.report.devices[0].error.clone());
+                let mut run = || trace_and_check(&what, &mut balancer, &mut scheduling).report.devices[0].error.clone();
+                let errors = [run(), run()];
                 if n == 0 {
-                    let told = |e: &Option<String>| e.as_ref().is_some_and(|e| e.contains("injected fault"));
-                    assert!(errors.iter().all(told), "{what}: the report does not tell: {errors:?}");
+                    // On a busy machine the other device may do all the work of a run, so that nothing fails in it.
+                    let later = std::iter::repeat_with(&mut run).take(100);
+                    let told = errors.iter().cloned().chain(later).find_map(|error| error);
+                    let told = told.unwrap_or_else(|| panic!("{what}: the report never tells"));
+                    assert!(told.contains("injected fault"), "{what}: the report tells {told}");
                 }
                 assert!(errors[0].is_none() || errors[1].is_some(), "{what}: a failed device came back");
             }

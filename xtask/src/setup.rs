@@ -1,6 +1,8 @@
 //! `cargo xtask setup`: what the tests need from outside this repository.
 
 use crate::command::{cargo, root, succeeds};
+use crate::vulkan::{self, Registration};
+use crate::workspace::Packages;
 use crate::{apt, scenes};
 use anyhow::{Context, Result, bail};
 use std::path::PathBuf;
@@ -11,11 +13,17 @@ use std::process::Command;
 pub(crate) struct Setup {
     /// Folder of unpacked scenes, if the caller named any.
     pub(crate) scenes: Option<PathBuf>,
+    /// Backends that tests may demand through `RT_REQUIRE`: those that need no part, and those whose parts are there.
+    pub(crate) provided: Vec<&'static str>,
+    /// Whether [`vulkan::environment`] names devices.
+    pub(crate) software_vulkan: bool,
 }
 
-/// What tests may demand through `RT_REQUIRE` on a machine where `setup` has run: the parts below and every device
-/// that needs none.
-pub(crate) const PROVIDED: &[&str] = &["cpu"];
+/// Backends that run on software Vulkan: their package, and their name in `RT_REQUIRE`.
+const VULKAN_BACKENDS: &[(&str, &str)] = &[("backend-vulkan", "vulkan"), ("backend-wgpu", "wgpu")];
+
+/// Whether the driver, which is Debian's, can be had.
+const VULKAN_SUPPORTED: bool = cfg!(target_os = "linux");
 
 /// Something from outside that the tests need.
 struct Part {
@@ -36,6 +44,21 @@ enum State {
 struct Wanted {
     /// Scenes as the caller gave them, and where they go.
     scenes: Option<scenes::Folders>,
+    /// Those of [`VULKAN_BACKENDS`] that the workspace has, by their name in `RT_REQUIRE`.
+    vulkan: Vec<&'static str>,
+}
+
+impl Wanted {
+    /// Why software Vulkan is not needed, if it is not.
+    fn no_vulkan(&self) -> Option<&'static str> {
+        if self.vulkan.is_empty() {
+            Some("no backend uses Vulkan")
+        } else if !VULKAN_SUPPORTED {
+            Some("only for Linux")
+        } else {
+            None
+        }
+    }
 }
 
 /// In the order of installation: a part may use those before it.
@@ -48,7 +71,7 @@ const PARTS: &[Part] = &[
             Some(folders) if folders.any_packed()? => Ok(present(succeeds(Command::new("xz").arg("--version")))),
             _ => Ok(State::NotNeeded("no packed scenes")),
         },
-        install: |_| apt::install("xz-utils").map(|()| "installed xz-utils".to_owned()),
+        install: |_| apt::install(&["xz-utils"]).map(|()| "installed xz-utils".to_owned()),
     },
     Part {
         name: "scenes",
@@ -58,6 +81,26 @@ const PARTS: &[Part] = &[
         },
         install: |context| context.scenes.as_ref().map_or_else(|| Ok(String::new()), scenes::Folders::update),
     },
+    Part {
+        name: "software Vulkan",
+        state: |context| match context.no_vulkan() {
+            None => Ok(present(vulkan::defect()?.is_none())),
+            Some(reason) => Ok(State::NotNeeded(reason)),
+        },
+        install: |_| vulkan::install(),
+    },
+    Part {
+        name: "software Vulkan for programs run by hand",
+        state: |context| match context.no_vulkan() {
+            None => Ok(match vulkan::registration()? {
+                Registration::Done => State::Present,
+                Registration::NotNeeded(reason) => State::NotNeeded(reason),
+                Registration::Missing => State::Missing,
+            }),
+            Some(reason) => Ok(State::NotNeeded(reason)),
+        },
+        install: |_| vulkan::register(),
+    },
 ];
 
 /// Puts every part in place.
@@ -65,7 +108,9 @@ pub(crate) fn setup() -> Result<Setup> {
     let source = std::env::var_os("RAYBALANCE_SCENES").filter(|value| !value.is_empty());
     let target = root().join(".setup/scenes");
     let scenes = source.map(|source| scenes::Folders::new(source.into(), target)).transpose()?;
-    let context = Wanted { scenes };
+    let packages = Packages::read()?;
+    let vulkan = VULKAN_BACKENDS.iter().filter(|(package, _)| packages.has(package)).map(|&(_, name)| name).collect();
+    let context = Wanted { scenes, vulkan };
     for part in PARTS {
         let name = part.name;
         match (part.state)(&context).with_context(|| format!("looking for {name}"))? {
@@ -77,7 +122,12 @@ pub(crate) fn setup() -> Result<Setup> {
             }
         }
     }
-    Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target) })
+    let software_vulkan = context.no_vulkan().is_none();
+    let mut provided = vec!["cpu"];
+    if software_vulkan {
+        provided.extend(&context.vulkan);
+    }
+    Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target), provided, software_vulkan })
 }
 
 fn present(yes: bool) -> State {

@@ -1,9 +1,10 @@
 //! `cargo xtask test`: every check that a change must pass.
 
 use crate::command::{cargo, run};
-use crate::no_std;
-use crate::setup::{PROVIDED, Setup, setup};
-use anyhow::{Context, Result, bail};
+use crate::setup::{Setup, setup};
+use crate::workspace::{FACADE, Packages};
+use crate::{no_std, vulkan};
+use anyhow::Result;
 use std::time::{Duration, Instant};
 
 /// How much to check.
@@ -14,9 +15,6 @@ pub(crate) enum Extent {
     /// What goes wrong most often: formatting, lints, tests.
     Quick,
 }
-
-/// Package of the facade, whose features choose the backends.
-const FACADE: &str = "rt-balance";
 
 struct Step {
     name: String,
@@ -85,7 +83,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         documentation.env("RUSTDOCFLAGS", "-D warnings");
         steps.push(command("documentation", documentation));
         steps.push(command("facade alone", cargo(&format!("check -p {FACADE} --no-default-features"))));
-        for feature in facade_features()? {
+        for feature in Packages::read()?.facade_features()? {
             let check = cargo(&format!("check -p {FACADE} --no-default-features --features {feature}"));
             steps.push(command(&format!("facade with {feature}"), check));
         }
@@ -99,25 +97,15 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         Some(folder) => tests.env("RAYBALANCE_SCENES", folder),
         None => tests.env_remove("RAYBALANCE_SCENES"),
     };
+    // Someone who names drivers wants those tested: a real GPU's, say.
+    if setup.software_vulkan && vulkan::DRIVER_VARIABLES.iter().all(|name| std::env::var_os(name).is_none()) {
+        tests.envs(vulkan::environment()?);
+    }
     if is_ci() && std::env::var_os("RT_REQUIRE").is_none() {
-        tests.env("RT_REQUIRE", PROVIDED.join(","));
+        tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
     Ok(steps)
-}
-
-/// The features of the facade, as its manifest says them, so that a new one cannot be forgotten here.
-fn facade_features() -> Result<Vec<String>> {
-    let output = cargo("metadata --no-deps --format-version 1").output().context("cannot start cargo metadata")?;
-    if !output.status.success() {
-        bail!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr));
-    }
-    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).context("cargo metadata wrote no JSON")?;
-    let packages = metadata["packages"].as_array().context("cargo metadata names no packages")?;
-    let facade = packages.iter().find(|package| package["name"] == FACADE);
-    let features = facade.and_then(|package| package["features"].as_object());
-    let features = features.with_context(|| format!("cargo metadata does not name the features of {FACADE}"))?;
-    Ok(features.keys().filter(|&name| name != "default").cloned().collect())
 }
 
 fn is_ci() -> bool {

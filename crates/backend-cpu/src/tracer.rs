@@ -12,8 +12,9 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
-/// Rays that one thread traces before it looks for more work: large enough to hide the hand-over (about 1 µs), small
-/// enough that a task of 32 × 32 pixels still feeds every thread of a large device.
+/// Rays that one of several threads traces before it looks for more work: large enough to hide the hand-over and the
+/// reading of the clock (about 1 µs), small enough that a task of 32 × 32 pixels feeds four threads. A device of one
+/// thread takes tasks whole.
 const CHUNK: usize = 256;
 
 /// A scene resident on a CPU device.
@@ -166,7 +167,6 @@ impl Tracer for CpuTracer {
             Ok(mut launch) => {
                 self.in_flight.remove(position);
                 std::mem::swap(out, &mut launch);
-                launch.clear();
                 self.spare.push(launch);
                 Ok(())
             }
@@ -220,13 +220,15 @@ impl Worker {
     }
 
     fn trace(&self, source: &RaySource, spec: StreamSpec, tasks: &[Task], done: Option<&RayMask>, out: &mut Launch) {
-        out.clear();
+        out.task_seconds.clear();
         let span = self.timed(|| {
             let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
+            // What an earlier launch left in the buffers is overwritten ray by ray.
             out.hits.resize(rays, Hit::MISS);
             out.counts.resize(if spec.counts { rays } else { 0 }, TestCounts::default());
-            let mut seconds = vec![0.0_f32; tasks.iter().map(|t| (t.rays as usize).div_ceil(CHUNK)).sum()];
-            let pieces = cut(tasks, &mut out.hits, &mut out.counts, &mut seconds);
+            let chunk = if self.executor.threads() == 1 { usize::MAX } else { CHUNK };
+            let mut seconds = vec![0.0_f32; tasks.iter().map(|t| (t.rays as usize).div_ceil(chunk)).sum()];
+            let pieces = cut(tasks, chunk, &mut out.hits, &mut out.counts, &mut seconds);
             let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
             self.executor.for_each(
                 pieces,
@@ -252,6 +254,10 @@ impl Worker {
     ) {
         let watch = Stopwatch::start();
         let wanted = |i: &usize| done.is_none_or(|mask| !mask.contains(piece.first + *i as u32));
+        if done.is_some() {
+            piece.hits.fill(Hit::MISS);
+            piece.counts.fill(TestCounts::default());
+        }
         let slots = (0..piece.hits.len()).filter(wanted);
         let mut filled = slots.clone();
         let rays = slots.map(|i| source.ray(piece.first + i as u32));
@@ -295,9 +301,10 @@ impl Worker {
     }
 }
 
-/// Cuts every task into pieces of at most [`CHUNK`] rays.
+/// Cuts every task into pieces of at most `chunk` rays.
 fn cut<'a>(
     tasks: &[Task],
+    chunk: usize,
     mut hits: &'a mut [Hit],
     mut counts: &'a mut [TestCounts],
     seconds: &'a mut [f32],
@@ -307,7 +314,7 @@ fn cut<'a>(
     for (index, task) in tasks.iter().enumerate() {
         let mut range = task.range();
         while !range.is_empty() {
-            let len = range.len().min(CHUNK);
+            let len = range.len().min(chunk);
             let (own_hits, other_hits) = std::mem::take(&mut hits).split_at_mut(len);
             let counted = if counts.is_empty() { 0 } else { len };
             let (own_counts, other_counts) = std::mem::take(&mut counts).split_at_mut(counted);

@@ -2,12 +2,13 @@
 
 use crate::estimate::estimate;
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::models::Models;
+use crate::member::{Member, Outputs, all_lost};
+use crate::models::{Key, Models};
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::run;
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
-use rt_core::{Device, DeviceInfo, Hit, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Tracer};
+use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -23,23 +24,6 @@ pub struct Balancer {
     origin: Duration,
 }
 
-/// A device of the run.
-#[derive(Debug)]
-pub(crate) struct Member {
-    pub(crate) info: DeviceInfo,
-    /// Absent once the device has failed.
-    pub(crate) tracer: Option<Box<dyn Tracer>>,
-    pub(crate) models: Models,
-    pub(crate) failure: Option<String>,
-}
-
-/// The caller's slices, shared by the device threads.
-#[derive(Debug)]
-pub(crate) struct Outputs<'a> {
-    pub(crate) hits: &'a mut [Hit],
-    pub(crate) counts: Option<&'a mut [TestCounts]>,
-}
-
 impl Balancer {
     /// Brings `scene` to every device.
     ///
@@ -53,7 +37,13 @@ impl Balancer {
         let open = |device: &Arc<dyn Device>| {
             let info = device.info().clone();
             match device.tracer(Arc::clone(&scene), clock::now) {
-                Ok(tracer) => Ok(Member { info, tracer: Some(tracer), models: Models::default(), failure: None }),
+                Ok(tracer) => Ok(Member {
+                    info,
+                    tracer: Some(tracer),
+                    models: Models::default(),
+                    failure: None,
+                    buffers: Launch::default(),
+                }),
                 Err(source) => Err(BalanceError::Open { device: info.name, source }),
             }
         };
@@ -131,7 +121,8 @@ impl Balancer {
         let outputs = Mutex::new(Outputs { hits, counts });
         self.load(stream)?;
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
-        learn_walks(&mut self.members, stream, &estimated);
+        let key = Key::of(&*scheduling.estimator, stream.kind);
+        learn_walks(&mut self.members, key, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
         let planned = clock::now();
         let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
@@ -145,7 +136,7 @@ impl Balancer {
                 outcomes: &launch.outcomes,
             });
         }
-        learn_launches(&mut self.members, stream, &plan, &ran);
+        learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, begin, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
     }
@@ -171,31 +162,6 @@ impl Balancer {
             Err(all_lost(&self.members, stream.tasks.len()))
         }
     }
-}
-
-impl Member {
-    /// Drops the device out of this and all later streams.
-    pub(crate) fn fail(&mut self, error: &rt_core::DeviceError) {
-        self.tracer = None;
-        self.failure = Some(describe(error));
-    }
-}
-
-/// An error and its causes on one line.
-pub(crate) fn describe(error: &dyn std::error::Error) -> String {
-    let mut text = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        text.push_str(": ");
-        text.push_str(&cause.to_string());
-        source = cause.source();
-    }
-    text
-}
-
-pub(crate) fn all_lost(members: &[Member], unfinished: usize) -> BalanceError {
-    let failures = members.iter().filter_map(|m| Some((m.info.name.clone(), m.failure.clone()?))).collect();
-    BalanceError::AllDevicesLost { unfinished, failures }
 }
 
 fn check_length(argument: &'static str, found: usize, rays: usize) -> Result<(), BalanceError> {

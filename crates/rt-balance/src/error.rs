@@ -72,11 +72,15 @@ impl fmt::Display for BalanceError {
             Self::Tasks { ray } => {
                 write!(f, "argument `tasks` must cover the stream's rays once and in order, which fails at ray {ray}")
             }
-            Self::PolicyUnused { policy, queue } => write!(
-                f,
-                "policy {policy} has no meaning for the {queue} queue, which orders tasks by decreasing cost: leave the \
-                 policy out, or use the static queue"
-            ),
+            Self::PolicyUnused { policy, queue } => {
+                let reason = match *queue {
+                    "central" => {
+                        "gives out single tasks, dearest first, and deals none beforehand: leave the policy out"
+                    }
+                    _ => "starts from the policy lpt: leave the policy out or choose that one",
+                };
+                write!(f, "policy {policy} cannot be used with the {queue} queue, which {reason}")
+            }
             Self::Refused { device, .. } => write!(f, "{device} refused the stream"),
             Self::AllDevicesLost { unfinished, failures } => {
                 write!(f, "every device failed, {unfinished} tasks are not finished:")?;

@@ -1,9 +1,9 @@
 //! Walks an estimator's samples on all devices in parallel.
 
-use crate::balancer::{Member, Outputs, all_lost};
-use crate::report::{Activity, ActivityKind};
+use crate::member::{Member, Outputs, all_lost};
+use crate::record::WalkDone;
 use crate::{BalanceError, Stream};
-use rt_core::{CostEstimator, DeviceError, Hit, Observation, RayMask, Span, Step, TestCounts, Walk, Work};
+use rt_core::{CostEstimator, DeviceError, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,31 +22,7 @@ pub(crate) struct Estimated {
     pub(crate) kept: Option<Arc<RayMask>>,
     /// Rays walked, over all steps.
     pub(crate) walked: u64,
-    pub(crate) walks: Vec<WalkRecord>,
-}
-
-/// One call of [`rt_core::Tracer::walk`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct WalkRecord {
-    pub(crate) member: usize,
-    pub(crate) span: Span,
-    pub(crate) rays: u32,
-    pub(crate) boxes: u64,
-    pub(crate) triangles: u64,
-}
-
-impl WalkRecord {
-    pub(crate) fn activity(&self, origin: std::time::Duration) -> Activity {
-        Activity {
-            device: self.member,
-            kind: ActivityKind::Estimate,
-            start_s: self.span.start.saturating_sub(origin).as_secs_f64(),
-            end_s: self.span.end.saturating_sub(origin).as_secs_f64(),
-            tasks: Vec::new(),
-            rays: self.rays,
-            predicted_s: None,
-        }
-    }
+    pub(crate) walks: Vec<WalkDone>,
 }
 
 /// Runs the estimator until it is done. Hits of full walks go to `outputs`.
@@ -97,7 +73,7 @@ struct Unwalked;
 #[derive(Default)]
 struct Share {
     parts: Vec<(Range<usize>, Vec<TestCounts>, Vec<Hit>)>,
-    walks: Vec<WalkRecord>,
+    walks: Vec<WalkDone>,
     error: Option<DeviceError>,
 }
 
@@ -107,7 +83,7 @@ fn walk_on_all(
     walk: Walk,
     counts: &mut [TestCounts],
     hits: &mut [Hit],
-    walks: &mut Vec<WalkRecord>,
+    walks: &mut Vec<WalkDone>,
 ) -> Result<(), Unwalked> {
     let chunk = (rays.len() / (members.len() * CHUNKS_PER_DEVICE)).max(LEAST_CHUNK);
     let open: Mutex<Vec<Range<usize>>> =
@@ -157,7 +133,7 @@ fn walk_share(index: usize, member: &mut Member, rays: &[u32], walk: Walk, open:
         let wanted_hits = (walk == Walk::Full).then_some(&mut hits[..]);
         match tracer.walk(chosen, walk, &mut counts, wanted_hits) {
             Ok(span) => {
-                share.walks.push(WalkRecord {
+                share.walks.push(WalkDone {
                     member: index,
                     span,
                     rays: chosen.len() as u32,

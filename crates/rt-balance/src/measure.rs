@@ -1,10 +1,11 @@
 //! Turns what happened into a report, and teaches the cost models.
 
-use crate::balancer::Member;
 use crate::estimate::Estimated;
+use crate::member::Member;
+use crate::models::Key;
 use crate::plan::Plan;
-use crate::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
-use crate::run::{LaunchDone, Ran};
+use crate::report::{Activity, DeviceReport, EstimateReport, StreamReport, StreamRun};
+use crate::run::Ran;
 use crate::{Scheduling, Stream};
 use rt_core::{TaskId, TestCounts, Work};
 use rt_sched::metrics;
@@ -43,7 +44,7 @@ pub(crate) fn measure(
         }
     }
     let mut activities: Vec<Activity> = estimated.walks.iter().map(|walk| walk.activity(times.origin)).collect();
-    activities.extend(ran.launches.iter().map(|launch| activity(launch, times.origin)));
+    activities.extend(ran.launches.iter().map(|launch| launch.activity(times.origin)));
 
     let devices: Vec<DeviceReport> =
         members.iter().enumerate().map(|(index, member)| device_report(index, member, &activities, ran)).collect();
@@ -83,35 +84,25 @@ pub(crate) fn measure(
 }
 
 /// Adds the estimation's walks to the cost models: before the first launch they are all that is known of speeds.
-pub(crate) fn learn_walks(members: &mut [Member], stream: &Stream, estimated: &Estimated) {
+pub(crate) fn learn_walks(members: &mut [Member], key: Option<Key>, estimated: &Estimated) {
+    let Some(key) = key else { return };
     for walk in &estimated.walks {
-        members[walk.member].models.walked(stream.kind, walk);
+        members[walk.member].models.walked(key, walk);
     }
 }
 
 /// Adds every launch to the cost models.
-pub(crate) fn learn_launches(members: &mut [Member], stream: &Stream, plan: &Plan, ran: &Ran) {
+pub(crate) fn learn_launches(members: &mut [Member], key: Option<Key>, plan: &Plan, ran: &Ran) {
+    let Some(key) = key else { return };
     for launch in &ran.launches {
         let left = |task: TaskId| &plan.left[task as usize];
-        members[launch.member].models.launched(stream.kind, launch, left);
+        members[launch.member].models.launched(key, launch, left);
     }
 }
 
 /// `part / whole`, 0 where nothing was to be done.
 fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
-}
-
-fn activity(launch: &LaunchDone, origin: Duration) -> Activity {
-    Activity {
-        device: launch.member,
-        kind: ActivityKind::Launch,
-        start_s: launch.span.start.saturating_sub(origin).as_secs_f64(),
-        end_s: launch.span.end.saturating_sub(origin).as_secs_f64(),
-        tasks: launch.outcomes.iter().map(|outcome| outcome.task).collect(),
-        rays: launch.rays,
-        predicted_s: Some(launch.outcomes.iter().map(|outcome| outcome.predicted_s).sum()),
-    }
 }
 
 fn device_report(index: usize, member: &Member, activities: &[Activity], ran: &Ran) -> DeviceReport {

@@ -1,36 +1,45 @@
 //! What was learned about each device's speed.
 
-use crate::balancer::Member;
-use crate::estimate::WalkRecord;
-use crate::run::LaunchDone;
-use rt_core::{CostModel, StreamKind, TaskId, Work};
+use crate::member::Member;
+use crate::record::{LaunchDone, WalkDone};
+use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Measured};
+use std::collections::BTreeMap;
 
 /// The measurements of one device.
 #[derive(Debug, Default)]
 pub(crate) struct Models {
-    /// Launches, per class of stream: incoherent rays miss the caches that coherent ones hit.
-    launches: [Calibration; CLASSES],
+    /// Launches. Prices fitted to one estimator's counts mean nothing for another's.
+    launches: BTreeMap<Key, Calibration>,
     /// Walks of samples: dearer per test than launches, since sparse rays share little, but alike on all devices, so
     /// they tell relative speeds before the first launch.
-    walks: [Calibration; CLASSES],
+    walks: BTreeMap<Key, Calibration>,
 }
 
-/// Number of [`class`]es.
-const CLASSES: usize = 4;
+/// What launches must have in common to be priced alike: the estimator that counted their tests, and the kind of
+/// stream, since incoherent rays miss the caches that coherent ones hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Key {
+    estimator: &'static str,
+    class: u8,
+}
 
-const fn class(kind: StreamKind) -> usize {
-    match kind {
-        StreamKind::Primary => 0,
-        StreamKind::Shadow(_) => 1,
-        StreamKind::Diffuse(_) => 2,
-        _ => 3,
+impl Key {
+    /// The key of a stream; `None` when the estimator does not count tests.
+    pub(crate) fn of(estimator: &dyn CostEstimator, kind: StreamKind) -> Option<Self> {
+        let class = match kind {
+            StreamKind::Primary => 0,
+            StreamKind::Shadow(_) => 1,
+            StreamKind::Diffuse(_) => 2,
+            _ => 3,
+        };
+        estimator.counts_tests().then(|| Self { estimator: estimator.name(), class })
     }
 }
 
 impl Models {
-    pub(crate) fn walked(&mut self, kind: StreamKind, walk: &WalkRecord) {
-        self.walks[class(kind)].observe(Measured {
+    pub(crate) fn walked(&mut self, key: Key, walk: &WalkDone) {
+        self.walks.entry(key).or_default().observe(Measured {
             launches: 1.0,
             rays: walk.rays.into(),
             boxes: walk.boxes as f64,
@@ -40,8 +49,8 @@ impl Models {
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
-    pub(crate) fn launched<'a>(&mut self, kind: StreamKind, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
-        let calibration = &mut self.launches[class(kind)];
+    pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
+        let calibration = self.launches.entry(key).or_default();
         let seconds = launch.span.duration().as_secs_f64();
         if launch.per_task {
             let mut inside = 0.0;
@@ -56,9 +65,10 @@ impl Models {
         }
     }
 
-    /// Fitted seconds of a launch before its first ray; 0 before anything was measured.
-    pub(crate) fn per_launch(&self, kind: StreamKind) -> f64 {
-        self.launches[class(kind)].fit().map_or(0.0, |fit| fit.model.per_launch())
+    /// Fitted seconds of a launch before its first ray, over all streams; 0 before anything was measured.
+    pub(crate) fn per_launch(&self) -> f64 {
+        let fits = self.launches.values().filter_map(|c| Some(c.fit()?.model.per_launch()));
+        fits.reduce(f64::min).unwrap_or(0.0)
     }
 }
 
@@ -68,14 +78,63 @@ pub(crate) fn measured(launches: f64, work: &Work, seconds: f64) -> Measured {
     Measured { launches, rays, boxes, triangles, seconds }
 }
 
-/// The cost model of each lane for a kind of stream: from launches where every lane has some, else from walks, else one
-/// for all. Models from different sources must not meet in one schedule, since walks are dearer than launches.
-pub(crate) fn models_for(members: &[Member], lanes: &[usize], kind: StreamKind) -> Vec<CostModel> {
-    let class = class(kind);
-    let all = |of: fn(&Models) -> &[Calibration; CLASSES]| -> Option<Vec<CostModel>> {
-        lanes.iter().map(|&lane| Some(of(&members[lane].models)[class].fit()?.model)).collect()
+/// Devices whose models differ by less than this on the work at hand share one, fitted to the launches of all.
+///
+/// On a shared machine the fits of two equal cores differ by some percent from stream to stream; believing that would
+/// unbalance a static schedule by half of it. Real differences below this are left to the queue.
+const ALIKE: f64 = 1.15;
+
+/// The cost model of each lane for `work`: from launches where every lane has some, else from walks, else one for all.
+/// Models from different sources must not meet in one schedule, since walks are dearer than launches.
+pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, work: &[Work]) -> Vec<CostModel> {
+    let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<Calibration>> {
+        lanes.iter().map(|&lane| calibrations(&members[lane].models).get(&key?).copied()).collect()
     };
-    all(|models| &models.launches)
-        .or_else(|| all(|models| &models.walks))
-        .unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+    let launches = of(|models| &models.launches).and_then(|calibrations| fitted(&calibrations, work));
+    let walks = || of(|models| &models.walks).and_then(|calibrations| fitted(&calibrations, work));
+    launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+}
+
+/// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.
+fn fitted(calibrations: &[Calibration], work: &[Work]) -> Option<Vec<CostModel>> {
+    let total = work.iter().fold(Work::default(), |sum, work| sum.plus(work));
+    let fits: Option<Vec<CostModel>> = calibrations.iter().map(|c| Some(c.fit()?.model)).collect();
+    let mut models = fits?;
+    let seconds: Vec<f64> = models.iter().map(|model| model.seconds(&total)).collect();
+    let mut order: Vec<usize> = (0..models.len()).collect();
+    order.sort_by(|&a, &b| seconds[a].total_cmp(&seconds[b]));
+    // From the fastest up; a group ends where the next device is not like the group's first.
+    for group in order.chunk_by(|&a, &b| seconds[b] <= ALIKE * seconds[a]) {
+        let pooled = group[1..].iter().fold(calibrations[group[0]], |pooled, &i| pooled.pooled(&calibrations[i]));
+        if let Some(fit) = pooled.fit() {
+            group.iter().for_each(|&i| models[i] = fit.model);
+        }
+    }
+    Some(models)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A device that needs `ns` nanoseconds for every ray and test, as measured in 20 launches.
+    fn device(ns: f64) -> Calibration {
+        let mut calibration = Calibration::default();
+        for i in 1..=20_u16 {
+            let work = Work::new(100.0, 1000.0 * f32::from(i % 7 + 1), 100.0 * f32::from(i % 3));
+            let seconds = f64::from(work.rays() + work.tests()) * ns * 1e-9;
+            calibration.observe(measured(0.0, &work, seconds));
+        }
+        calibration
+    }
+
+    #[test]
+    fn alike_devices_share_a_model_and_others_do_not() {
+        let work = [Work::new(1e6, 1e7, 1e6)];
+        let models = fitted(&[device(1.0), device(2.0), device(1.05)], &work).expect("all were measured");
+        assert_eq!(models[0], models[2]);
+        let [slow, fast] = [1, 0].map(|i: usize| models[i].seconds(&work[0]));
+        assert!((1.9..2.0).contains(&(slow / fast)), "{slow} {fast}");
+        assert_eq!(fitted(&[device(1.0), Calibration::default()], &work), None);
+    }
 }

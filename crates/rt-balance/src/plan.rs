@@ -1,8 +1,8 @@
 //! Turns an estimate into a queue.
 
-use crate::balancer::{Member, all_lost};
 use crate::estimate::Estimated;
-use crate::models::models_for;
+use crate::member::{Member, all_lost};
+use crate::models::{Key, models_for};
 use crate::{BalanceError, QueueKind, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};
 use rt_sched::queue::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
@@ -39,8 +39,8 @@ pub(crate) fn plan_of(
     if lanes.is_empty() {
         return Err(all_lost(members, stream.tasks.len()));
     }
-    let models = models_for(members, &lanes, stream.kind);
     let left = left_of(stream, estimated);
+    let models = models_for(members, &lanes, Key::of(&*scheduling.estimator, stream.kind), &left);
     let queue: Box<dyn TaskQueue> = match scheduling.queue {
         QueueKind::Central => Box::new(CentralQueue::new(&left, &models)),
         QueueKind::Static => Box::new(StaticQueue::new(&scheduling.policy()?.schedule(&left, &models))),

@@ -1,7 +1,8 @@
 //! The separate pass that makes excess and estimation errors known.
 
-use crate::balancer::{Balancer, Member};
+use crate::balancer::Balancer;
 use crate::measure::tests_of;
+use crate::member::Member;
 use crate::models::measured;
 use crate::report::StreamRun;
 use crate::{BalanceError, Stream, clock};
@@ -57,7 +58,7 @@ impl Balancer {
             }
         }
         let Some(tests) = tests else {
-            return Err(crate::balancer::all_lost(self.members(), stream.tasks.len()));
+            return Err(crate::member::all_lost(self.members(), stream.tasks.len()));
         };
         let lower_bound_s = lower_bound(&seconds);
         let wall_s = clock::now().saturating_sub(begin).as_secs_f64();
@@ -139,7 +140,7 @@ fn on_tracer<T>(
 /// Median seconds of each task; empty when the device failed.
 fn time_tasks(member: &mut Member, stream: &Stream, passes: usize) -> Vec<f64> {
     let mut samples = vec![Vec::with_capacity(passes); stream.tasks.len()];
-    let launch_s = member.models.per_launch(stream.kind);
+    let launch_s = member.models.per_launch();
     let done = on_tracer(member, |tracer| {
         let mut launch = Launch::default();
         for _ in 0..passes {

@@ -1,9 +1,10 @@
 //! Runs a plan: one host thread per device, two launches in flight, every task finished exactly once.
 
-use crate::balancer::{Member, Outputs, all_lost};
+use crate::member::{Member, Outputs, all_lost};
 use crate::plan::Plan;
+use crate::record::LaunchDone;
 use crate::{BalanceError, Control, Stream};
-use rt_core::{DeviceError, DeviceErrorKind, Launch, Span, Task, TaskId, TaskOutcome, Ticket, Tracer};
+use rt_core::{DeviceError, DeviceErrorKind, Launch, Task, TaskId, TaskOutcome, Ticket, Tracer};
 use rt_sched::queue::{Pop, TaskQueue};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,18 +19,6 @@ const NAP: Duration = Duration::from_millis(5);
 #[derive(Debug, Default)]
 pub(crate) struct Ran {
     pub(crate) launches: Vec<LaunchDone>,
-}
-
-/// A launch whose hits are on the host.
-#[derive(Debug)]
-pub(crate) struct LaunchDone {
-    /// Position of the device among all members.
-    pub(crate) member: usize,
-    pub(crate) span: Span,
-    pub(crate) rays: u32,
-    pub(crate) outcomes: Vec<TaskOutcome>,
-    /// Whether the outcomes' seconds were measured per task, not apportioned.
-    pub(crate) per_task: bool,
 }
 
 /// What the device threads share.
@@ -119,7 +108,7 @@ impl Lane<'_, '_> {
         let capacity = member.info.in_flight.max(1) as usize;
         // A panic in one backend must not leave the others waiting for its tasks.
         let result = catch_unwind(AssertUnwindSafe(|| match &mut member.tracer {
-            Some(tracer) => self.work(&mut **tracer, capacity, &mut launches),
+            Some(tracer) => self.work(&mut **tracer, capacity, &mut member.buffers, &mut launches),
             None => Ok(()),
         }))
         .unwrap_or_else(|_| Err(DeviceError::new(DeviceErrorKind::Lost, "the backend panicked")));
@@ -136,10 +125,10 @@ impl Lane<'_, '_> {
         &mut self,
         tracer: &mut dyn Tracer,
         capacity: usize,
+        buffers: &mut Launch,
         launches: &mut Vec<LaunchDone>,
     ) -> Result<(), DeviceError> {
         let queue: &dyn TaskQueue = &*self.shared.plan.queue;
-        let mut buffers = Launch::default();
         loop {
             let heard = self.shared.bell.rings();
             let mut last = Pop::Done;
@@ -162,10 +151,10 @@ impl Lane<'_, '_> {
                 }
                 return Ok(());
             };
-            tracer.wait(*ticket, self.shared.limit, &mut buffers)?;
-            self.check(&buffers)?;
+            tracer.wait(*ticket, self.shared.limit, buffers)?;
+            self.check(buffers)?;
             if let Some((_, tasks)) = self.in_flight.pop_front() {
-                launches.push(self.take(&tasks, &buffers));
+                launches.push(self.take(&tasks, buffers));
                 queue.finish(self.lane, &tasks);
                 self.shared.bell.ring();
             }

@@ -48,7 +48,7 @@ impl Stream {
     /// The estimator's view.
     #[must_use]
     pub fn view(&self) -> RayStream<'_> {
-        RayStream { kind: self.kind, tasks: &self.tasks, seed: self.seed }
+        RayStream { kind: self.kind, tasks: &self.tasks, seed: self.seed, part: self.wave }
     }
 
     /// Checks that the tasks cover the rays.

@@ -124,7 +124,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
     /// Memory for rays and hits in flight, such as 512M or 2G; larger streams run in waves
-    #[arg(long, value_parser = parse_bytes, default_value = "1G", value_name = "BYTES")]
+    #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
     pub(crate) memory: u64,
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known
     #[arg(long)]

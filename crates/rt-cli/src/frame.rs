@@ -180,6 +180,9 @@ impl Renderer<'_> {
     /// Traces a stream and records it.
     fn trace(&self, session: &mut Session, stream: Stream) -> Result<Vec<Hit>> {
         let Session { balancer, scheduling, runs } = session;
+        if stream.source.is_empty() {
+            return Ok(Vec::new());
+        }
         let mut hits = vec![Hit::MISS; stream.source.len() as usize];
         let bar = progress::bar("tracing", stream.source.len().into());
         let show = |done, _| bar.set_position(done);
@@ -187,7 +190,7 @@ impl Renderer<'_> {
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
         bar.finish_and_clear();
         let mut run = traced?;
-        if self.reference && !stream.tasks.is_empty() {
+        if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES)?.judge(&mut run);
         }
         runs.push(run);

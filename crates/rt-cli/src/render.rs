@@ -137,9 +137,9 @@ fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> 
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs)?;
     let primary = || runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0).zip(waves);
-    let map = |seconds: fn(&StreamRun) -> &[f64]| {
+    let map = |seconds: fn(&StreamRun) -> Vec<f64>| {
         let wave = |(run, pixels): (&StreamRun, &Arc<[u32]>)| {
-            chart::cost::per_pixel(args.size, pixels, args.spp, &run.tasks, seconds(run))
+            chart::cost::per_pixel(args.size, pixels, args.spp, &run.tasks, &seconds(run))
         };
         // Waves cover different pixels; elsewhere they are NaN, which the maximum ignores.
         let overlay = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect();
@@ -152,11 +152,20 @@ fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> 
     let picture = chart::cost::CostPicture {
         width: args.size[0],
         height: args.size[1],
-        estimated: &map(|run| &run.predicted_s),
-        measured: &map(|run| &run.measured_s),
+        estimated: &map(scaled_estimate),
+        measured: &map(|run| run.measured_s.clone()),
         task_of: task_of.as_deref(),
     };
     chart::cost::write_png(&args.out.join("cost.png"), &picture)
+}
+
+/// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
+/// its first launches its prices come from sparse samples, which are dearer than what follows.
+fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
+    let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
+    let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));
+    let scale = if predicted > 0.0 && measured > 0.0 { measured / predicted } else { 1.0 };
+    run.predicted_s.iter().map(|seconds| seconds * scale).collect()
 }
 
 pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
@@ -167,7 +176,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,
         builder: build.builder.to_string(),
-        precision: crate::scene_source::precision_name(prepared.precision),
+        precision: prepared.precision.name(),
         bvh_bytes: scene.bytes(),
         plan: prepared.plan.clone(),
     }

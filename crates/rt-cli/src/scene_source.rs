@@ -82,7 +82,8 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
     let loaded = load_obj(path, &options, &mut show).map_err(|error| {
         // The library does not know the option's name.
         let invalid = matches!(error, LoadError::NotFinite { .. });
-        let error = anyhow::Error::new(error);
+        // Its message says all that its cause does.
+        let error = anyhow::anyhow!("{error}");
         if invalid { error.context("give --drop-invalid to leave such triangles out") } else { error }
     })?;
     if let Some(bar) = bar {
@@ -98,13 +99,4 @@ fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
         );
     }
     Ok(loaded.model)
-}
-
-/// The name of a precision, as the command line spells it.
-pub(crate) const fn precision_name(precision: Precision) -> &'static str {
-    match precision {
-        Precision::Robust => "robust",
-        Precision::Fast => "fast",
-        Precision::Double => "f64",
-    }
 }

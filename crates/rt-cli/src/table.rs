@@ -3,7 +3,7 @@
 use rt_balance::report::{StreamReport, StreamRun};
 use std::fmt::Write;
 
-/// Rows of text cells under a header; every column as wide as its widest cell, numbers to the right.
+/// Rows of cells under a header; every column as wide as its widest cell, words to the left and numbers to the right.
 #[derive(Debug)]
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -24,13 +24,20 @@ impl std::fmt::Display for Table {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(width).collect();
+        let is_words = |c: usize| {
+            let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(c)).peekable();
+            body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
+        };
         for row in &self.rows {
             let mut line = String::from(" ");
             for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
-                // The first column names the row; all others are numbers.
-                match column {
-                    0 => write!(line, " {cell:<width$}")?,
-                    _ => write!(line, "  {cell:>width$}")?,
+                if column > 0 {
+                    line.push(' ');
+                }
+                if is_words(column) {
+                    write!(line, " {cell:<width$}")?;
+                } else {
+                    write!(line, " {cell:>width$}")?;
                 }
             }
             writeln!(f, "{}", line.trim_end())?;

@@ -178,6 +178,8 @@ pub struct RayStream<'a> {
     pub tasks: &'a [Task],
     /// Seed of this stream's samples.
     pub seed: u32,
+    /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
+    pub part: u32,
 }
 
 impl RayStream<'_> {
@@ -247,6 +249,12 @@ pub trait CostEstimator: Debug + Send {
     /// Takes the answer to the previous step and says what is wanted next. The first call of a stream carries an
     /// empty observation; after [`Step::Done`] the next call begins another stream.
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step;
+
+    /// Whether the work it returns counts tests, so that cost models can be fitted to it. An estimator that knows
+    /// nothing of a task but its size says `false`; its streams are scheduled as if all devices were alike.
+    fn counts_tests(&self) -> bool {
+        true
+    }
 
     /// Learns from a finished launch. Called after the stream was traced; most estimators ignore it.
     fn learn(&mut self, launch: &LaunchRecord<'_>) {

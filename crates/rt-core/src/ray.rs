@@ -216,6 +216,18 @@ pub enum Precision {
     Double,
 }
 
+impl Precision {
+    /// The name that command lines and reports use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Robust => "robust",
+            Self::Fast => "fast",
+            Self::Double => "f64",
+        }
+    }
+}
+
 /// How far a ray is followed when only its cost is wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Walk {

@@ -94,6 +94,20 @@ impl Calibration {
         self.weight = self.weight * self.keep + 1.0;
     }
 
+    /// Both calibrations as one, for devices that are taken to be alike.
+    #[must_use]
+    pub fn pooled(&self, other: &Self) -> Self {
+        let mut pooled = *self;
+        for i in 0..4 {
+            for j in 0..4 {
+                pooled.matrix[i][j] += other.matrix[i][j];
+            }
+            pooled.right[i] += other.right[i];
+        }
+        pooled.weight += other.weight;
+        pooled
+    }
+
     /// Number of observations, older ones counting less.
     #[must_use]
     pub const fn weight(&self) -> f64 {
@@ -233,6 +247,21 @@ mod tests {
         }
         assert_eq!(prices, 4);
         assert!(relative_error < 1e-4, "{relative_error}");
+    }
+
+    #[test]
+    fn pooling_is_observing_both() {
+        let [mut even, mut odd, mut both] = [Calibration::new(f64::INFINITY); 3];
+        for i in 0..40 {
+            let half = if i % 2 == 0 { &mut even } else { &mut odd };
+            half.observe(launch(i, 0.1));
+            both.observe(launch(i, 0.1));
+        }
+        let [pooled, both] = [even.pooled(&odd), both].map(|c| c.fit().expect("40 launches").model);
+        for of in [CostModel::per_launch, CostModel::per_ray, CostModel::per_box, CostModel::per_triangle] {
+            assert!((of(&pooled) - of(&both)).abs() <= 1e-6 * of(&both), "{pooled:?} is not {both:?}");
+        }
+        assert!((even.pooled(&odd).weight() - 40.0).abs() < 1e-9);
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub struct CostPicture<'a> {
     pub width: u32,
     /// Height of the image in pixels.
     pub height: u32,
-    /// Estimated cost in nanoseconds per ray; NaN where unknown.
+    /// Estimated cost in nanoseconds per ray, scaled to the measured total; NaN where unknown.
     pub estimated: &'a [f32],
     /// Measured cost in nanoseconds per ray; NaN where unknown.
     pub measured: &'a [f32],
@@ -103,7 +103,7 @@ pub fn write_png(path: &Path, picture: &CostPicture<'_>) -> Result<()> {
     let slot = view.width.max(NARROWEST_SLOT);
     let canvas_width = 3 * MARGIN + 2 * slot;
     let mut canvas = Canvas::new(canvas_width, TITLES + view.height + LEGEND, PAPER)?;
-    canvas.text("Cost per primary ray", MARGIN, 32, 21.0, Align::Left, INK);
+    canvas.text("Cost per primary ray (estimate scaled to the measured total)", MARGIN, 32, 21.0, Align::Left, INK);
     for (index, (name, costs)) in [("estimated", estimated), ("measured", measured)].into_iter().enumerate() {
         let left = MARGIN + index as u32 * (slot + MARGIN);
         canvas.text(&title(name, costs, &scale), left, TITLES - 10, 15.0, Align::Left, INK);

@@ -24,7 +24,7 @@ const OFFSET_RATIO: f64 = 1e5;
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     /// How rays are tested.
-    #[serde(serialize_with = "lower_case")]
+    #[serde(serialize_with = "by_name")]
     pub precision: Precision,
     /// Bits per primitive id: 16 or 32.
     pub id_bits: u32,
@@ -128,14 +128,9 @@ fn precision(scan: &Scan, reasons: &mut Vec<String>) -> Precision {
     Precision::Robust
 }
 
-/// Writes a precision as a command line would name it.
 // Serde passes fields by reference.
-fn lower_case<S: Serializer>(precision: &Precision, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(match precision {
-        Precision::Robust => "robust",
-        Precision::Fast => "fast",
-        Precision::Double => "double",
-    })
+fn by_name<S: Serializer>(precision: &Precision, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(precision.name())
 }
 
 #[cfg(test)]

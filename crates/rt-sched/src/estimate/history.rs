@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, Task, Work};
 
-/// Predicts a stream from the last one of its kind, corrected by how long its tasks really took.
+/// Predicts a stream from the last one of its kind and part, corrected by how long its tasks really took.
 ///
 /// Each task's tests are multiplied by measured over predicted seconds, as Blender Cycles' `work_balancer` corrects its
 /// devices' shares from frame to frame, but per task. When tasks were cut differently, the old costs per ray are read
@@ -24,6 +24,7 @@ const LARGEST_CORRECTION: f64 = 4.0;
 #[derive(Debug)]
 struct Past {
     kind: StreamKind,
+    part: u32,
     rays: Vec<u32>,
     work: Vec<Work>,
 }
@@ -49,14 +50,14 @@ impl CostEstimator for History {
     }
 
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
-        let known = self.past.iter_mut().find(|past| past.kind == stream.kind);
+        let known = self.past.iter_mut().find(|past| (past.kind, past.part) == (stream.kind, stream.part));
         let step = match &known {
             Some(past) => Step::Done(past.seen_by(stream.tasks)),
             None => self.inner.next(stream, seen),
         };
         if let Step::Done(work) = &step {
-            let past =
-                Past { kind: stream.kind, rays: stream.tasks.iter().map(|t| t.rays).collect(), work: work.clone() };
+            let rays = stream.tasks.iter().map(|t| t.rays).collect();
+            let past = Past { kind: stream.kind, part: stream.part, rays, work: work.clone() };
             match known {
                 Some(old) => *old = past,
                 None => self.past.push(past),
@@ -67,7 +68,11 @@ impl CostEstimator for History {
 
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         self.inner.learn(launch);
-        let Some(past) = self.past.iter_mut().find(|past| past.kind == launch.stream.kind) else { return };
+        let Some(past) =
+            self.past.iter_mut().find(|past| (past.kind, past.part) == (launch.stream.kind, launch.stream.part))
+        else {
+            return;
+        };
         for outcome in launch.outcomes {
             let task = outcome.task as usize;
             let (Some(new), Some(old)) = (past.work.get_mut(task), launch.work.get(task)) else { continue };

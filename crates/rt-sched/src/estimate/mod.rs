@@ -32,4 +32,8 @@ impl CostEstimator for Uniform {
         let work = stream.tasks.iter().map(|task| Work::new(task.rays as f32, task.rays as f32, 0.0));
         Step::Done(work.collect())
     }
+
+    fn counts_tests(&self) -> bool {
+        false
+    }
 }

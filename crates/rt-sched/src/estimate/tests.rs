@@ -11,7 +11,7 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, tasks, seed }
+    RayStream { kind, tasks, seed, part: 0 }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
@@ -172,7 +172,9 @@ fn history_asks_once_and_then_remembers_what_was_measured() {
     let factors: Vec<f32> = first.iter().zip(&second).map(|(a, b)| b.tests() / a.tests()).collect();
     assert_eq!(factors, [1.0, 2.0, 0.5, 4.0], "corrected, but not by a disturbance");
     let diffuse_stream = RayStream { kind: StreamKind::Diffuse(0), ..stream };
+    let other_part = RayStream { part: 1, ..stream };
     assert_eq!(estimate(&mut history, diffuse_stream, &diffuse).1, 256, "another kind is another history");
+    assert_eq!(estimate(&mut history, other_part, &primary).1, 256, "so is another part of the picture");
     learn(&mut history, diffuse_stream, &first, &|_| f64::NAN);
     let (third, walked) = estimate(&mut history, stream, &primary);
     assert_eq!((third, walked), (second, 0), "undisturbed by the other kind");

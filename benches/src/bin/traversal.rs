@@ -1,0 +1,128 @@
+//! Times the traversal kernels on one thread: full, exact counts, both reduced walks, and the price of precision.
+//!
+//! `cargo run --release -p rt-benches --bin traversal -- SCENE... [--builder NAME] [--runs 7] [--size 1024x1024]`
+#![forbid(unsafe_code)]
+
+use rt_benches::{BenchScene, median};
+use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
+use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
+use rt_scene::streams::{Spawner, Sun};
+use std::error::Error;
+use std::time::Instant;
+
+/// What is timed; the first one is what the others are compared with.
+const KERNELS: [(&str, Kernel); 6] = [
+    ("robust", Kernel::Trace(Precision::Robust, false)),
+    ("fast", Kernel::Trace(Precision::Fast, false)),
+    ("f64", Kernel::Trace(Precision::Double, false)),
+    ("exact counts", Kernel::Trace(Precision::Robust, true)),
+    ("leaf as hit", Kernel::Reduced(ReducedWalk::LeafAsHit)),
+    ("unshortened", Kernel::Reduced(ReducedWalk::Unshortened)),
+];
+
+#[derive(Clone, Copy)]
+enum Kernel {
+    Trace(Precision, bool),
+    Reduced(ReducedWalk),
+}
+
+struct Options {
+    scenes: Vec<String>,
+    builder: Builder,
+    runs: usize,
+    size: [u32; 2],
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    println!(
+        "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n",
+        options.runs
+    );
+    print!("| scene | rays | robust Mray/s |");
+    KERNELS[1..].iter().for_each(|(name, _)| print!(" {name} |"));
+    println!("\n|---|---|---|{}", "---|".repeat(KERNELS.len() - 1));
+    for name in &options.scenes {
+        bench(name, &options)?;
+    }
+    Ok(())
+}
+
+fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
+    let bench = BenchScene::open(name)?;
+    let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
+    let scene = build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene;
+    let primary = bench.primary(options.size, 1, 1)?;
+    let mut hits = vec![Hit::MISS; primary.len() as usize];
+    run(&scene, &primary, Query::Closest, KERNELS[0].1, |i, hit| hits[i] = hit);
+    let spawner = Spawner { model: &bench.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
+    let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
+    let all = 0..hits.len() as u32;
+    let streams = [
+        ("primary", primary.clone(), Query::Closest),
+        ("shadow", spawner.shadow(&sun, all.clone()).into_source().0, Query::Any),
+        ("diffuse", spawner.diffuse(all).into_source().0, Query::Closest),
+    ];
+    for (kind, source, query) in streams.iter().filter(|(_, source, _)| !source.is_empty()) {
+        let mut times = vec![Vec::new(); KERNELS.len()];
+        for _ in 0..options.runs {
+            for (times, (_, kernel)) in times.iter_mut().zip(KERNELS) {
+                times.push(run(&scene, source, *query, kernel, |_, _| ()));
+            }
+        }
+        // Pair by pair, so that a machine whose speed drifts compares neighbours in time.
+        let ratio = |k: usize| median(&times[k].iter().zip(&times[0]).map(|(a, b)| a / b).collect::<Vec<_>>());
+        print!("| {} | {kind} | {:.2} |", bench.name, f64::from(source.len()) / median(&times[0]) / 1e6);
+        (1..KERNELS.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
+        println!();
+    }
+    Ok(())
+}
+
+/// Runs a kernel over a stream and returns the seconds.
+fn run(scene: &Scene, source: &RaySource, query: Query, kernel: Kernel, mut keep: impl FnMut(usize, Hit)) -> f64 {
+    let mut stack = Stack::for_scene(scene);
+    let mut i = 0;
+    let sink = |hit: Hit, counts: TestCounts| {
+        std::hint::black_box((hit, counts));
+        keep(i, hit);
+        i += 1;
+    };
+    let rays = (0..source.len()).map(|i| source.ray(i));
+    let begin = Instant::now();
+    match kernel {
+        Kernel::Trace(precision, counts) => {
+            rt_bvh::trace(scene, &mut stack, StreamSpec { query, precision, counts }, rays, sink);
+        }
+        Kernel::Reduced(walk) => {
+            rt_bvh::count(scene, &mut stack, Walk::Reduced(walk), Precision::Robust, rays, sink);
+        }
+    }
+    begin.elapsed().as_secs_f64()
+}
+
+impl Options {
+    fn parse() -> Result<Self, Box<dyn Error>> {
+        let mut options = Self { scenes: Vec::new(), builder: Builder::Sah, runs: 7, size: [1024, 1024] };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            match argument.as_str() {
+                "--builder" => options.builder = value()?.parse()?,
+                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
+                "--size" => {
+                    let text = value()?;
+                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
+                    options.size = [width.parse()?, height.parse()?];
+                }
+                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
+                other => return Err(format!("unknown option {other}").into()),
+            }
+        }
+        if options.scenes.is_empty() {
+            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
+        }
+        Ok(options)
+    }
+}

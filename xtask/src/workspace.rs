@@ -1,0 +1,39 @@
+//! What cargo says about this workspace.
+
+use crate::command::cargo;
+use anyhow::{Context, Result, bail};
+use serde_json::Value;
+
+/// Package of the facade, whose features choose the backends.
+pub(crate) const FACADE: &str = "rt-balance";
+
+/// The packages of the workspace.
+pub(crate) struct Packages(Vec<Value>);
+
+impl Packages {
+    /// Asks cargo, so that nothing here needs a list of its own that could be forgotten.
+    pub(crate) fn read() -> Result<Self> {
+        let output = cargo("metadata --no-deps --format-version 1").output().context("cannot start cargo metadata")?;
+        if !output.status.success() {
+            bail!("cargo metadata failed:\n{}", String::from_utf8_lossy(&output.stderr));
+        }
+        let mut metadata: Value = serde_json::from_slice(&output.stdout).context("cargo metadata wrote no JSON")?;
+        match metadata["packages"].take() {
+            Value::Array(packages) => Ok(Self(packages)),
+            _ => bail!("cargo metadata names no packages"),
+        }
+    }
+
+    /// Whether there is a package of this name.
+    pub(crate) fn has(&self, name: &str) -> bool {
+        self.0.iter().any(|package| package["name"] == name)
+    }
+
+    /// The features of the facade other than `default`.
+    pub(crate) fn facade_features(&self) -> Result<Vec<String>> {
+        let facade = self.0.iter().find(|package| package["name"] == FACADE);
+        let features = facade.and_then(|package| package["features"].as_object());
+        let features = features.with_context(|| format!("cargo metadata does not name the features of {FACADE}"))?;
+        Ok(features.keys().filter(|&name| name != "default").cloned().collect())
+    }
+}
