@@ -62,7 +62,7 @@ pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
 /// How work is cut, estimated and dealt.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct BalanceArgs {
-    /// Devices, such as cpu:1,cpu:1@0.5 (threads, speed); default: one per core
+    /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
     #[arg(long, value_name = "LIST")]
     pub(crate) devices: Option<String>,
     /// How the cost of a task is estimated
