@@ -56,8 +56,8 @@ pub(crate) struct SceneArgs {
     pub(crate) precision: Option<PrecisionArg>,
 }
 
-/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than `sah`, whose trees are a little
-/// better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
+/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than `sah`, whose trees are
+/// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
 pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
 
 /// How work is cut, estimated and dealt.
