@@ -3,6 +3,7 @@
 use crate::executor::Executor;
 use crate::stopwatch::Stopwatch;
 use rt_bvh::Stack;
+use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
     Ticket, Tracer, Walk,
@@ -93,20 +94,9 @@ fn lost() -> DeviceError {
     DeviceError::new(DeviceErrorKind::Lost, "the CPU device's thread has ended: it panicked in an earlier launch")
 }
 
-fn invalid(message: String) -> DeviceError {
-    DeviceError::new(DeviceErrorKind::InvalidArgument, message)
-}
-
 impl Tracer for CpuTracer {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
-        if !self.in_flight.is_empty() {
-            return Err(invalid(format!("load_rays: {} launches are in flight: wait for them", self.in_flight.len())));
-        }
-        if let RaySource::Explicit { rays, origins: Some(origins) } = &source
-            && rays.len() != origins.len()
-        {
-            return Err(invalid(format!("load_rays: {} rays but {} origins", rays.len(), origins.len())));
-        }
+        check_load(&source, self.in_flight.len())?;
         self.rays = source.len();
         self.source = source;
         self.spec = spec;
@@ -120,13 +110,7 @@ impl Tracer for CpuTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
-        let lengths_agree = counts.len() == rays.len() && hits.as_ref().is_none_or(|h| h.len() == rays.len());
-        if !lengths_agree {
-            return Err(invalid(format!("walk: {} rays need as many counts and hits", rays.len())));
-        }
-        if let Some(bad) = rays.iter().find(|&&ray| ray >= self.rays) {
-            return Err(invalid(format!("walk: ray {bad} of {}", self.rays)));
-        }
+        check_walk(rays, counts, hits.as_deref(), self.rays)?;
         let (reply, answer) = channel();
         let (source, spec) = (self.source.clone(), self.spec);
         self.send(Job::Walk { source, spec, rays: rays.to_vec(), walk, reply })?;
@@ -139,16 +123,7 @@ impl Tracer for CpuTracer {
     }
 
     fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
-        if self.in_flight.len() >= self.capacity as usize {
-            return Err(invalid(format!("submit: {} launches are in flight already: wait for one", self.capacity)));
-        }
-        let outside = |task: &&Task| u64::from(task.first) + u64::from(task.rays) > u64::from(self.rays);
-        if let Some(task) = tasks.iter().find(outside) {
-            return Err(invalid(format!(
-                "submit: a task of {} rays from ray {} does not fit into {} loaded rays",
-                task.rays, task.first, self.rays
-            )));
-        }
+        check_submit(tasks, self.rays, self.in_flight.len(), self.capacity)?;
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
         let (reply, answer) = channel();

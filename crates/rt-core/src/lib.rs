@@ -14,6 +14,7 @@
 
 extern crate alloc;
 
+pub mod arguments;
 mod camera;
 mod cost;
 mod device;

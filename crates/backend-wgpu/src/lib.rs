@@ -1,0 +1,1 @@
+//! GPU devices for raybalance through wgpu.

@@ -1,0 +1,59 @@
+//! What every [`Tracer`](crate::Tracer) refuses before it does anything: one place, so that all refuse alike.
+
+use crate::{DeviceError, DeviceErrorKind, Hit, RaySource, Task, TestCounts};
+use alloc::format;
+use alloc::string::String;
+
+/// An error that left the device as it was.
+#[must_use]
+pub fn invalid(message: impl Into<String>) -> DeviceError {
+    DeviceError::new(DeviceErrorKind::InvalidArgument, message)
+}
+
+/// Refuses rays while `open` launches are in flight, and rays whose origins are not as many.
+///
+/// # Errors
+/// In those cases.
+pub fn check_load(source: &RaySource, open: usize) -> Result<(), DeviceError> {
+    if open > 0 {
+        return Err(invalid(format!("load_rays: {open} launches are in flight: wait for them")));
+    }
+    match source {
+        RaySource::Explicit { rays, origins: Some(origins) } if rays.len() != origins.len() => {
+            Err(invalid(format!("load_rays: {} rays but {} origins", rays.len(), origins.len())))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a walk of rays that are not among the `loaded` ones, or with room for another number of answers.
+///
+/// # Errors
+/// In those cases.
+pub fn check_walk(rays: &[u32], counts: &[TestCounts], hits: Option<&[Hit]>, loaded: u32) -> Result<(), DeviceError> {
+    if counts.len() != rays.len() || hits.is_some_and(|hits| hits.len() != rays.len()) {
+        return Err(invalid(format!("walk: {} rays need as many counts and hits", rays.len())));
+    }
+    match rays.iter().find(|&&ray| ray >= loaded) {
+        Some(bad) => Err(invalid(format!("walk: ray {bad} of {loaded}"))),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a launch beyond the `capacity` that may be in flight, and tasks of rays that are not among the `loaded` ones.
+///
+/// # Errors
+/// In those cases.
+pub fn check_submit(tasks: &[Task], loaded: u32, open: usize, capacity: u32) -> Result<(), DeviceError> {
+    if open >= capacity as usize {
+        return Err(invalid(format!("submit: {capacity} launches are in flight already: wait for one")));
+    }
+    let outside = |task: &&Task| u64::from(task.first) + u64::from(task.rays) > u64::from(loaded);
+    match tasks.iter().find(outside) {
+        Some(task) => Err(invalid(format!(
+            "submit: a task of {} rays from ray {} does not fit into {loaded} loaded rays",
+            task.rays, task.first
+        ))),
+        None => Ok(()),
+    }
+}
