@@ -75,6 +75,7 @@ pub(crate) fn measure(
         kind: stream.kind,
         tasks: stream.tasks.clone(),
         work: estimated.work.clone(),
+        kept: stream.tasks.iter().map(|task| estimated.kept.as_ref().map_or(0, |k| k.count_in(task.range()))).collect(),
         predicted_s: predicted,
         measured_s: measured,
         device_of,

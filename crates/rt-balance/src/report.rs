@@ -107,6 +107,8 @@ pub struct StreamRun {
     pub tasks: Vec<rt_core::Task>,
     /// The estimate the run was scheduled by, one entry for each task.
     pub work: Vec<Work>,
+    /// Rays of each task whose hits the estimation had found, so that they were not traced again.
+    pub kept: Vec<u32>,
     /// Predicted seconds of each task on the device that traced it.
     pub predicted_s: Vec<f64>,
     /// Measured seconds of each task on the device that traced it; NaN where unknown.

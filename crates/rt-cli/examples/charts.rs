@@ -97,6 +97,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
         kind,
         tasks: Vec::new(),
         work: Vec::new(),
+        kept: Vec::new(),
         predicted_s: Vec::new(),
         measured_s: Vec::new(),
         device_of: Vec::new(),

@@ -29,6 +29,9 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Trace rays from a NumPy file and write the hits to another
     Trace(Box<TraceArgs>),
+    /// Draw the paper's Figure 1: tracing time against task size, with and without cost initialisation
+    #[command(name = "figure1")]
+    Figure1(Figure1Args),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -60,12 +63,9 @@ pub(crate) struct SceneArgs {
 /// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
 pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
 
-/// How work is cut, estimated and dealt.
+/// How the cost of a task is estimated.
 #[derive(Clone, Debug, Args)]
-pub(crate) struct BalanceArgs {
-    /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
-    #[arg(long, value_name = "LIST")]
-    pub(crate) devices: Option<String>,
+pub(crate) struct EstimateArgs {
     /// How the cost of a task is estimated
     #[arg(long, value_enum, default_value_t = EstimatorArg::Exact)]
     pub(crate) estimator: EstimatorArg,
@@ -75,6 +75,16 @@ pub(crate) struct BalanceArgs {
     /// What a reduced walk does at a leaf: count it as the hit, or never shorten the ray
     #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
     pub(crate) reduced: ReducedArg,
+}
+
+/// How work is cut, estimated and dealt.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct BalanceArgs {
+    /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    #[command(flatten)]
+    pub(crate) estimate: EstimateArgs,
     /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
     #[arg(long, value_enum)]
     pub(crate) policy: Option<PolicyArg>,
@@ -90,6 +100,42 @@ pub(crate) struct BalanceArgs {
     /// Seed of samples, pixels and bounces
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Figure1Args {
+    /// yard, car, or OBJ files
+    #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    pub(crate) estimate: EstimateArgs,
+    /// Devices to trace on, or with --replay the one to measure [default: cpu:1,cpu:1,cpu:1]
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// Play M equal virtual devices from task times measured on one real device [default: 3 with fewer than 3 cores]
+    #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) replay: Option<u32>,
+    /// Task sizes in rays
+    #[arg(long, value_delimiter = ',', default_value = "64,256,1024,4096,16384", value_name = "RAYS",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) task_sizes: Vec<u32>,
+    /// Size of the picture in pixels, one ray each [default: 1024x640; 320x200 with --quick]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Interleaved repetitions, at least 6 for whiskers of 95% [default: 9; 3 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) repeat: Option<u32>,
+    /// Seed of samples, pixels and bounces
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Small pictures and few repetitions: a look at the form, not a measurement
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Folder for figure1.svg, .png, .csv, .json and report.html
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
 }
 
 #[derive(Debug, Parser)]

@@ -1,6 +1,6 @@
 //! From the command line's balancing options to a schedule and devices.
 
-use crate::args::{BalanceArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
+use crate::args::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
 use crate::frame::TaskCut;
 use anyhow::{Context, Result};
 use rt_balance::{DEFAULT_TASK_SIZE, QueueKind, Scheduling};
@@ -9,24 +9,34 @@ use rt_sched::estimate::{History, Sampled, Uniform};
 use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
 
-impl BalanceArgs {
-    /// The estimator, policy and queue asked for.
+impl EstimateArgs {
+    /// The estimator asked for.
     ///
     /// # Errors
-    /// When the policy has no meaning for the queue.
-    pub(crate) fn scheduling(&self) -> Result<Scheduling> {
+    /// When the fraction is none.
+    pub(crate) fn estimator(&self) -> Result<Box<dyn CostEstimator>> {
         let fraction = Fraction::new(self.fraction).context("--fraction must be from 1/4096 to 1")?;
         let reduced = match self.reduced {
             ReducedArg::Leaf => ReducedWalk::LeafAsHit,
             ReducedArg::Unshortened => ReducedWalk::Unshortened,
         };
         let exact = || Box::new(Sampled::new(Walk::Full, fraction));
-        let estimator: Box<dyn CostEstimator> = match self.estimator {
+        Ok(match self.estimator {
             EstimatorArg::Uniform => Box::new(Uniform),
             EstimatorArg::Reduced => Box::new(Sampled::new(Walk::Reduced(reduced), fraction)),
             EstimatorArg::Exact => exact(),
             EstimatorArg::History => Box::new(History::new(exact())),
-        };
+        })
+    }
+}
+
+impl BalanceArgs {
+    /// The estimator, policy and queue asked for.
+    ///
+    /// # Errors
+    /// When the policy has no meaning for the queue.
+    pub(crate) fn scheduling(&self) -> Result<Scheduling> {
+        let estimator = self.estimate.estimator()?;
         let policy = self.policy.map(|policy| -> Box<dyn Policy> {
             match policy {
                 PolicyArg::Block => Box::new(Block),

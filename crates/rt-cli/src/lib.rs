@@ -5,6 +5,8 @@ mod args;
 mod balance;
 pub mod chart;
 mod devices;
+mod experiment;
+mod figure1;
 mod frame;
 pub mod image;
 mod interrupt;
@@ -34,6 +36,7 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Figure1(args) => figure1::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

@@ -10,8 +10,7 @@ use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
-use rt_bvh::Stack;
-use rt_core::{Hit, Ray, Scene, StreamKind, StreamSpec};
+use rt_core::{Scene, StreamKind};
 use rt_scene::{View, streams, view};
 use std::path::Path;
 use std::sync::Arc;
@@ -88,9 +87,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// The view of the command line, else the model's own, else one that shows the whole model.
+/// The view of the command line, else the scene's.
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
-    let base = prepared.model.view.unwrap_or_else(|| automatic_view(prepared));
+    let base = prepared.view();
     let view = View {
         eye: args.eye.unwrap_or(base.eye),
         target: args.target.unwrap_or(base.target),
@@ -99,20 +98,6 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     };
     view.camera().context("--eye, --target, --up, --fov")?;
     Ok(view)
-}
-
-/// From outside, or from inside where the model is a room.
-fn automatic_view(prepared: &Prepared) -> View {
-    let scene = &prepared.built.scene;
-    let mut stack = Stack::for_scene(scene);
-    let mut probe = |ray: &Ray| {
-        let mut nearest = Hit::MISS;
-        let rays = std::iter::once((*ray, Hit::MISS.primitive));
-        rt_bvh::trace(scene, &mut stack, StreamSpec::default(), rays, |hit, _| nearest = hit);
-        nearest
-    };
-    let outside = view::auto_view(&prepared.model);
-    view::interior_view(&prepared.model, &outside, &mut probe).unwrap_or(outside)
 }
 
 fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {

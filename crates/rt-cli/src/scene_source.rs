@@ -4,11 +4,11 @@ use crate::args::{PrecisionArg, SceneArgs};
 use crate::progress;
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
-use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh};
-use rt_core::Precision;
+use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh, Stack};
+use rt_core::{Hit, Precision, Ray, StreamSpec};
 use rt_scene::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
 use rt_scene::scan::{Plan, Scan};
-use rt_scene::{Model, builtin, scenes};
+use rt_scene::{Model, View, builtin, scenes, view};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -25,6 +25,25 @@ pub(crate) struct Prepared {
     pub(crate) precision: Precision,
     pub(crate) load_s: f64,
     pub(crate) build_s: f64,
+}
+
+impl Prepared {
+    /// The model's own view, else one that shows all of it: from outside, or from inside where it is a room.
+    pub(crate) fn view(&self) -> View {
+        let scene = &self.built.scene;
+        let automatic = || {
+            let mut stack = Stack::for_scene(scene);
+            let mut probe = |ray: &Ray| {
+                let mut nearest = Hit::MISS;
+                let rays = std::iter::once((*ray, Hit::MISS.primitive));
+                rt_bvh::trace(scene, &mut stack, StreamSpec::default(), rays, |hit, _| nearest = hit);
+                nearest
+            };
+            let outside = view::auto_view(&self.model);
+            view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
+        };
+        self.model.view.unwrap_or_else(automatic)
+    }
 }
 
 /// Loads or generates the scene, scans it and builds its tree.

@@ -57,19 +57,61 @@ impl Canvas {
         }
     }
 
+    /// Fills a rectangle whose edges may lie between pixels.
+    pub(super) fn cover(&mut self, from: [f64; 2], to: [f64; 2], color: Rgb) {
+        let side = |pixel: f64, axis: usize| (to[axis].min(pixel + 1.0) - from[axis].max(pixel)).clamp(0.0, 1.0);
+        self.shade(from, to, color, |x, y| side(x, 0) * side(y, 1));
+    }
+
+    /// Draws a line with round ends; one of no length is a disc.
+    pub(super) fn stroke(&mut self, from: [f64; 2], to: [f64; 2], width: f64, color: Rgb) {
+        let along = [to[0] - from[0], to[1] - from[1]];
+        let length2 = along[0] * along[0] + along[1] * along[1];
+        let reach = width / 2.0 + 1.0;
+        let low = [from[0].min(to[0]) - reach, from[1].min(to[1]) - reach];
+        let high = [from[0].max(to[0]) + reach, from[1].max(to[1]) + reach];
+        self.shade(low, high, color, |x, y| {
+            let [dx, dy] = [x + 0.5 - from[0], y + 0.5 - from[1]];
+            let t = if length2 > 0.0 { ((dx * along[0] + dy * along[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };
+            let distance = (dx - t * along[0]).hypot(dy - t * along[1]);
+            (width / 2.0 + 0.5 - distance).clamp(0.0, 1.0)
+        });
+    }
+
+    /// Blends pixels between two corners by how much of each is covered; nothing where a corner is not a number.
+    fn shade(&mut self, low: [f64; 2], high: [f64; 2], color: Rgb, covered: impl Fn(f64, f64) -> f64) {
+        if low.iter().chain(&high).any(|c| c.is_nan()) {
+            return;
+        }
+        // Casts saturate, so that what lies outside is cut.
+        let span = |axis: usize, side: u32| (low[axis].floor() as u32).min(side)..(high[axis].ceil() as u32).min(side);
+        for y in span(1, self.height) {
+            for x in span(0, self.width) {
+                let cover = covered(f64::from(x), f64::from(y));
+                if cover > 0.0 {
+                    self.blend(i64::from(x), i64::from(y), color, cover as f32);
+                }
+            }
+        }
+    }
+
     /// Writes text of `size` pixels with its baseline at `y`.
     pub(super) fn text(&mut self, text: &str, x: u32, y: u32, size: f32, align: Align, color: Rgb) {
+        let left = match align {
+            Align::Left => x as f32,
+            Align::Center => x as f32 - self.text_width(text, size) / 2.0,
+        };
+        self.text_at(text, left, y as f32, size, color);
+    }
+
+    /// Writes text of `size` pixels from `left` on, with its baseline at `y`.
+    pub(super) fn text_at(&mut self, text: &str, left: f32, y: f32, size: f32, color: Rgb) {
         let font = self.font.clone();
         let scaled = font.as_scaled(PxScale::from(size));
-        let width = self.text_width(text, size);
-        let mut pen = x as f32
-            - match align {
-                Align::Left => 0.0,
-                Align::Center => width / 2.0,
-            };
+        let mut pen = left;
         for letter in text.chars() {
             let id = scaled.glyph_id(letter);
-            let glyph = id.with_scale_and_position(size, point(pen, y as f32));
+            let glyph = id.with_scale_and_position(size, point(pen, y));
             pen += scaled.h_advance(id);
             // Blank letters have no outline.
             let Some(outline) = font.outline_glyph(glyph) else { continue };

@@ -51,6 +51,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         kind: StreamKind::Primary,
         tasks: Vec::new(),
         work: Vec::new(),
+        kept: Vec::new(),
         predicted_s: Vec::new(),
         measured_s: Vec::new(),
         device_of: Vec::new(),

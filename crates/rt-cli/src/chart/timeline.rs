@@ -1,20 +1,16 @@
 //! `timeline.svg`: a Gantt chart with one panel per stream and one row per device.
 
 use super::bars::{self, Bar};
+use super::canvas::Rgb;
 use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
+use super::sheet::{BLUE, FAINT, HPos, Look, ORANGE, PALE, SKY, Sheet, VERMILION};
 use crate::output::write_atomically;
-use anyhow::{Result, anyhow};
-use plotters::coord::Shift;
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use anyhow::Result;
 use rt_balance::report::{ActivityKind, StreamRun};
 use std::path::Path;
 
 /// Most panels of a picture: a browser still scrolls through these. The longest streams are kept.
 const MOST_PANELS: usize = 16;
-
-/// plotters places things at whole units; with eight to a pixel, gaps far thinner than a pixel keep their place.
-const UNITS: f64 = 8.0;
 
 /// Sizes in pixels.
 const WIDTH: f64 = 1200.0;
@@ -35,15 +31,10 @@ const THIN: f64 = 1.0;
 /// Widest such group, in pixels: narrow enough to show where a row is denser.
 const GROUP: f64 = 3.0;
 
-// M. Okabe and K. Ito, Color Universal Design (2008): told apart with any colour vision.
-const ESTIMATE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
-const LAUNCH: [RGBColor; 2] = [RGBColor(0x00, 0x72, 0xb2), RGBColor(0x56, 0xb4, 0xe9)];
-const MAKESPAN: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
-const IDLE: RGBColor = RGBColor(0xe6, 0xe6, 0xe6);
-const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
-const FAINT: RGBColor = RGBColor(0x66, 0x66, 0x66);
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+const ESTIMATE: Rgb = ORANGE;
+const LAUNCH: [Rgb; 2] = [BLUE, SKY];
+const MAKESPAN: Rgb = VERMILION;
+const IDLE: Rgb = PALE;
 
 /// Writes the chart of a run, its streams below one another in the order given.
 ///
@@ -54,30 +45,19 @@ pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
     write_atomically(path, |out| Ok(out.write_all(svg.as_bytes())?))
 }
 
-fn draw(runs: &[StreamRun]) -> Result<String> {
+/// The chart of a run as an SVG document.
+pub(crate) fn draw(runs: &[StreamRun]) -> Result<String> {
     let shown = longest(runs);
     let panels: Vec<Panel<'_>> = shown.iter().map(|run| Panel::new(run)).collect();
     let height = HEADER + panels.iter().map(Panel::height).sum::<f64>() + MARGIN;
-
-    let mut svg = String::new();
-    let size = (units(WIDTH) as u32, units(height) as u32);
-    {
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        let drawing = || -> Drawn {
-            area.fill(&WHITE)?;
-            header(&area, shown.len(), runs.len())?;
-            let mut top = HEADER;
-            for panel in &panels {
-                panel.draw(&area, top)?;
-                top += panel.height();
-            }
-            area.present()
-        };
-        drawing().map_err(|error| anyhow!("cannot draw the timeline: {error}"))?;
+    let mut sheet = Sheet::new(WIDTH, height);
+    header(&mut sheet, shown.len(), runs.len());
+    let mut top = HEADER;
+    for panel in &panels {
+        panel.draw(&mut sheet, top);
+        top += panel.height();
     }
-    // The view box keeps the fine units; the picture is shown in pixels.
-    let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-    Ok(svg.replacen(&fine, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
+    sheet.to_svg()
 }
 
 /// The streams with the longest makespans, in their own order.
@@ -89,32 +69,29 @@ fn longest(runs: &[StreamRun]) -> Vec<&StreamRun> {
     order.into_iter().map(|index| &runs[index]).collect()
 }
 
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
-
-fn header(area: &Area<'_>, shown: usize, all: usize) -> Drawn {
+fn header(sheet: &mut Sheet, shown: usize, all: usize) {
     let title = match all {
         0 => "Timeline: nothing was traced".to_owned(),
         _ if shown < all => format!("Timeline: the {shown} longest of {all} streams"),
         1 => "Timeline".to_owned(),
         _ => format!("Timeline of {all} streams"),
     };
-    text(area, &title, (MARGIN, 32.0), Look { size: 20.0, bold: true, ..Look::default() })?;
+    sheet.text(title, (MARGIN, 32.0), Look::title());
     // From the right, each as wide as its words.
     let mut x = WIDTH - MARGIN;
     for (label, colors) in
         [("makespan", &[MAKESPAN][..]), ("idle", &[IDLE]), ("launches", &LAUNCH), ("estimation", &[ESTIMATE])]
     {
         x -= 7.0 * label.len() as f64;
-        text(area, label, (x, 32.0), Look::default())?;
+        sheet.text(label, (x, 32.0), Look::default());
         for color in colors.iter().rev() {
             x -= 16.0;
             let (top, bottom) = if label == "makespan" { (22.0, 42.0) } else { (26.0, 38.0) };
             let right = if label == "makespan" { x + 2.0 } else { x + 12.0 };
-            rectangle(area, (x, top), (right, bottom), color)?;
+            sheet.rectangle((x, top), (right, bottom), *color);
         }
         x -= 22.0;
     }
-    Ok(())
 }
 
 /// One stream.
@@ -151,30 +128,29 @@ impl<'a> Panel<'a> {
         LEFT + (seconds - self.start_s) / self.span_s * (RIGHT - LEFT)
     }
 
-    fn draw(&self, area: &Area<'_>, top: f64) -> Drawn {
+    fn draw(&self, sheet: &mut Sheet, top: f64) {
         let report = &self.run.report;
         let mut name = report.kind.clone();
         if report.frame > 0 || report.wave > 0 {
             name += &format!(", frame {}, wave {}", report.frame, report.wave);
         }
-        text(area, &name, (MARGIN, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() })?;
-        text(area, &self.summary(), (LEFT, top + 12.0), Look { color: FAINT, ..Look::default() })?;
+        sheet.text(name, (MARGIN, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
+        sheet.text(self.summary(), (LEFT, top + 12.0), Look { color: FAINT, ..Look::default() });
 
         let mut y = top + PANEL_TITLE - 14.0;
         let first = y;
         for (device, bars) in self.rows.iter().enumerate() {
-            self.row(area, y, device, bars)?;
+            self.row(sheet, y, device, bars);
             y += self.row;
         }
         let end = self.x(self.start_s + self.span_s);
-        rectangle(area, (end, first - 4.0), (end + 1.5, y + 4.0), &MAKESPAN)?;
-        self.axis(area, first, y)?;
+        sheet.rectangle((end, first - 4.0), (end + 1.5, y + 4.0), MAKESPAN);
+        self.axis(sheet, first, y);
         for (index, (device, error)) in self.errors().enumerate() {
             let line = format!("device {device} was lost: {}", shortened(error, 130));
             let at = (LEFT, y + PANEL_AXIS - 10.0 + index as f64 * 18.0);
-            text(area, &line, at, Look { color: MAKESPAN, ..Look::default() })?;
+            sheet.text(line, at, Look { color: MAKESPAN, ..Look::default() });
         }
-        Ok(())
     }
 
     fn summary(&self) -> String {
@@ -196,20 +172,20 @@ impl<'a> Panel<'a> {
         summary
     }
 
-    fn row(&self, area: &Area<'_>, top: f64, device: usize, bars: &[Bar<'_>]) -> Drawn {
+    fn row(&self, sheet: &mut Sheet, top: f64, device: usize, bars: &[Bar<'_>]) {
         let gap = (self.row * 0.12).min(3.0);
         let (top, bottom) = (top + gap, top + self.row - gap);
         let middle = f64::midpoint(top, bottom);
-        rectangle(area, (LEFT, top), (RIGHT, bottom), &IDLE)?;
+        sheet.rectangle((LEFT, top), (RIGHT, bottom), IDLE);
         for block in blocks(bars, |seconds| self.x(seconds)) {
-            rectangle(area, (block.left, top), (block.right, bottom), &block.color)?;
+            sheet.rectangle((block.left, top), (block.right, bottom), block.color);
         }
         if self.row < READABLE_ROW {
-            return Ok(());
+            return;
         }
         let report = self.run.report.devices.get(device);
         let name = report.map_or_else(String::new, |report| format!("{device}  {}", report.name));
-        text(area, &shortened(&name, 29), (MARGIN, middle), Look::default())?;
+        sheet.text(shortened(&name, 29), (MARGIN, middle), Look::default());
         if let Some(report) = report {
             let share = report.busy_s / self.run.report.makespan_s;
             let (note, color) = match report.error {
@@ -217,25 +193,24 @@ impl<'a> Panel<'a> {
                 None if share.is_finite() => (format!("{:.1} % busy", share * 100.0), FAINT),
                 None => (String::new(), FAINT),
             };
-            text(area, &note, (RIGHT + 12.0, middle), Look { color, ..Look::default() })?;
+            sheet.text(note, (RIGHT + 12.0, middle), Look { color, ..Look::default() });
         }
-        Ok(())
     }
 
-    fn axis(&self, area: &Area<'_>, top: f64, bottom: f64) -> Drawn {
+    fn axis(&self, sheet: &mut Sheet, top: f64, bottom: f64) {
         let (factor, unit) = time_unit(self.span_s);
         let ticks = ticks(self.span_s * factor, 8);
         let step = ticks.get(1).copied().unwrap_or(1.0);
         for &tick in &ticks {
             let x = self.x(self.start_s + tick / factor);
-            rectangle(area, (x, bottom), (x + 1.0, bottom + 5.0), &FAINT)?;
+            sheet.rectangle((x, bottom), (x + 1.0, bottom + 5.0), FAINT);
             let look = Look { align: HPos::Center, color: FAINT, ..Look::default() };
-            text(area, &tick_label(tick, step), (x, bottom + 15.0), look)?;
+            sheet.text(tick_label(tick, step), (x, bottom + 15.0), look);
         }
         let look = Look { color: FAINT, ..Look::default() };
-        text(area, unit, (RIGHT + 12.0, bottom + 15.0), look)?;
-        rectangle(area, (LEFT, top), (LEFT + 1.0, bottom + 5.0), &FAINT)?;
-        rectangle(area, (LEFT, bottom), (RIGHT, bottom + 1.0), &FAINT)
+        sheet.text(unit, (RIGHT + 12.0, bottom + 15.0), look);
+        sheet.rectangle((LEFT, top), (LEFT + 1.0, bottom + 5.0), FAINT);
+        sheet.rectangle((LEFT, bottom), (RIGHT, bottom + 1.0), FAINT);
     }
 }
 
@@ -243,7 +218,7 @@ impl<'a> Panel<'a> {
 struct Block {
     left: f64,
     right: f64,
-    color: RGBColor,
+    color: Rgb,
 }
 
 /// Turns bars in order of time into rectangles.
@@ -274,9 +249,9 @@ fn blocks(bars: &[Bar<'_>], x: impl Fn(f64) -> f64) -> Vec<Block> {
     blocks
 }
 
-fn mixed(a: RGBColor, b: RGBColor, share_of_b: f64) -> RGBColor {
+fn mixed(a: Rgb, b: Rgb, share_of_b: f64) -> Rgb {
     let mix = |a: u8, b: u8| (f64::from(a) + (f64::from(b) - f64::from(a)) * share_of_b).round() as u8;
-    RGBColor(mix(a.0, b.0), mix(a.1, b.1), mix(a.2, b.2))
+    [mix(a[0], b[0]), mix(a[1], b[1]), mix(a[2], b[2])]
 }
 
 /// At most `most` characters, at least 1; what is too much is taken from the middle, since devices of one machine often
@@ -288,38 +263,6 @@ fn shortened(text: &str, most: usize) -> String {
     }
     let tail = (most - 1) / 3;
     text.chars().take(most - 1 - tail).chain(['…']).chain(text.chars().skip(count - tail)).collect()
-}
-
-fn units(pixels: f64) -> i32 {
-    (pixels * UNITS).round() as i32
-}
-
-fn rectangle(area: &Area<'_>, from: (f64, f64), to: (f64, f64), color: &RGBColor) -> Drawn {
-    // At least one unit wide, or nothing would be seen of it.
-    let right = units(to.0).max(units(from.0) + 1);
-    area.draw(&Rectangle::new([(units(from.0), units(from.1)), (right, units(to.1))], color.filled()))
-}
-
-/// How text looks: size in pixels, and which end of it is at the place given. Its middle is at the height given.
-#[derive(Clone, Copy)]
-struct Look {
-    size: f64,
-    bold: bool,
-    color: RGBColor,
-    align: HPos,
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self { size: 13.0, bold: false, color: INK, align: HPos::Left }
-    }
-}
-
-fn text(area: &Area<'_>, text: &str, at: (f64, f64), look: Look) -> Drawn {
-    let style = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
-    let font = ("sans-serif", units(look.size), style).into_font().color(&look.color);
-    let style = font.pos(Pos::new(look.align, VPos::Center));
-    area.draw(&Text::new(text.to_owned(), (units(at.0), units(at.1)), style))
 }
 
 #[cfg(test)]

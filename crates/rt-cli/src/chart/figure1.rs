@@ -1,0 +1,272 @@
+//! The paper's Figure 1: tracing time against task size, cost-initialised queues over regular ones.
+//!
+//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013), whose
+//! figure draws coloured bars over background bars without saying which is which in so many words. Here the background
+//! is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen whichever is
+//! longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn twice.
+
+use super::canvas::Rgb;
+use super::scale::{tick_label, ticks, time_unit};
+use super::sheet::{BLUE, FAINT, GRID, HPos, INK, Look, ORANGE, PURPLE, Sheet, text_room};
+use crate::output::write_atomically;
+use anyhow::{Result, ensure};
+use std::path::Path;
+
+/// Everything the figure shows.
+#[derive(Clone, Debug)]
+pub struct Figure {
+    /// What is drawn.
+    pub title: String,
+    /// How it was measured: one line each.
+    pub notes: Vec<String>,
+    /// Two to a row, such as a scene's primary and diffuse rays.
+    pub panels: Vec<Panel>,
+}
+
+/// One scene and kind of rays.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What was traced.
+    pub title: String,
+    /// In order of task size.
+    pub groups: Vec<Group>,
+}
+
+/// The bars of one task size; all lengths in seconds.
+#[derive(Clone, Debug)]
+pub struct Group {
+    /// The task size, such as `1024`.
+    pub label: String,
+    /// Static queues dealt as contiguous blocks, regular.
+    pub blocks: Bar,
+    /// Static queues dealt in turn, regular.
+    pub round_robin: Bar,
+    /// Static queues, cost-initialised.
+    pub static_cost: Bar,
+    /// Central queue, first come first served.
+    pub central: Bar,
+    /// Central queue, cost-initialised.
+    pub central_cost: Bar,
+}
+
+/// A measured time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bar {
+    /// Median of the whole time, in seconds.
+    pub median_s: f64,
+    /// The whisker: ends of the interval of the median, in seconds.
+    pub interval_s: [f64; 2],
+    /// Part of the median that was spent on estimation, in seconds.
+    pub estimate_s: f64,
+}
+
+const BLOCKS: Rgb = [0xdd; 3];
+const ROUND_ROBIN: Rgb = [0xb4; 3];
+const ESTIMATION: Rgb = PURPLE;
+
+/// Sizes in pixels.
+const WIDTH: f64 = 1200.0;
+const MARGIN: f64 = 28.0;
+const GUTTER: f64 = 40.0;
+const AXIS: f64 = 52.0;
+const PLOT: f64 = 236.0;
+const PANEL: f64 = 46.0 + PLOT + 58.0;
+const NOTE: f64 = 17.0;
+const LEGEND: f64 = 24.0;
+
+/// Share of a group's width that one queue's bars take: two of them and a gap.
+const SLOT: f64 = 0.43;
+/// Share of a slot that the coloured bar covers.
+const FRONT: f64 = 0.5;
+
+/// Writes the figure as SVG and as PNG.
+///
+/// # Errors
+/// When there is nothing to draw or a file cannot be written.
+pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
+    let sheet = draw(figure)?;
+    let text = sheet.to_svg()?;
+    write_atomically(svg, |out| Ok(out.write_all(text.as_bytes())?))?;
+    sheet.write_png(png)
+}
+
+/// The figure as an SVG document.
+///
+/// # Errors
+/// When there is nothing to draw.
+pub fn to_svg(figure: &Figure) -> Result<String> {
+    draw(figure)?.to_svg()
+}
+
+fn draw(figure: &Figure) -> Result<Sheet> {
+    ensure!(!figure.panels.is_empty(), "a figure without panels has nothing to show");
+    let rows = figure.panels.len().div_ceil(2);
+    let top = 52.0 + NOTE * figure.notes.len() as f64 + 2.0 * LEGEND + 14.0;
+    let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL + 8.0);
+    sheet.text(figure.title.as_str(), (MARGIN, 30.0), Look::title());
+    let mut y = 56.0;
+    for note in &figure.notes {
+        sheet.text(note.as_str(), (MARGIN, y), Look { color: FAINT, size: 12.5, ..Look::default() });
+        y += NOTE;
+    }
+    legend(&mut sheet, y + 8.0);
+    let width = (WIDTH - 2.0 * MARGIN - GUTTER) / 2.0;
+    for (index, panel) in figure.panels.iter().enumerate() {
+        let left = MARGIN + (index % 2) as f64 * (width + GUTTER);
+        panel.draw(&mut sheet, left, top + (index / 2) as f64 * PANEL, width);
+    }
+    Ok(sheet)
+}
+
+fn legend(sheet: &mut Sheet, top: f64) {
+    let rows: [&[(Rgb, &str)]; 2] = [
+        &[
+            (ORANGE, "static distributed queues, cost-initialised (LPT)"),
+            (BLUE, "central queue, cost-initialised"),
+            (ESTIMATION, "estimation, before either"),
+        ],
+        &[
+            (BLOCKS, "background: regular (static: contiguous blocks; central: first come first served)"),
+            (ROUND_ROBIN, "background: regular, static, round robin"),
+        ],
+    ];
+    for (row, entries) in rows.iter().enumerate() {
+        let y = top + LEGEND * row as f64;
+        let mut x = MARGIN;
+        for (color, label) in *entries {
+            sheet.rectangle((x, y - 6.0), (x + 14.0, y + 6.0), *color);
+            sheet.text(*label, (x + 20.0, y), Look { size: 12.5, ..Look::default() });
+            x += 20.0 + text_room(label, 12.5) + 22.0;
+        }
+        if row == 0 {
+            whisker(sheet, x + 6.0, [y - 7.0, y + 7.0], INK);
+            sheet.text("interval of the median", (x + 18.0, y), Look { size: 12.5, ..Look::default() });
+        }
+    }
+}
+
+/// A line with caps between two heights.
+fn whisker(sheet: &mut Sheet, x: f64, [high, low]: [f64; 2], color: Rgb) {
+    sheet.line([(x, high), (x, low)], 1.0, color);
+    for y in [high, low] {
+        sheet.line([(x - 3.0, y), (x + 3.0, y)], 1.0, color);
+    }
+}
+
+impl Panel {
+    /// The longest bar or whisker, in seconds.
+    fn longest(&self) -> f64 {
+        let bars = self.groups.iter().flat_map(|g| [g.blocks, g.round_robin, g.static_cost, g.central, g.central_cost]);
+        let ends = bars.flat_map(|bar| [bar.median_s, bar.interval_s[1]]).filter(|s| s.is_finite());
+        ends.fold(0.0, f64::max)
+    }
+
+    fn draw(&self, sheet: &mut Sheet, left: f64, top: f64, width: f64) {
+        let longest = self.longest();
+        let (factor, unit) = time_unit(longest.max(1e-9));
+        sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
+        sheet.text(format!("time, {unit}"), (left, top + 33.0), Look::axis(HPos::Left));
+        let (from, to) = (left + AXIS, left + width);
+        let (upper, lower) = (top + 46.0, top + 46.0 + PLOT);
+        // A little air above the longest bar.
+        let y = |seconds: f64| lower - seconds / (longest.max(1e-9) * 1.04) * PLOT;
+        let ticks = ticks(longest.max(1e-9) * factor, 6);
+        let step = ticks.get(1).copied().unwrap_or(1.0);
+        for &tick in &ticks {
+            let height = y(tick / factor);
+            sheet.rectangle((from, height - 0.5), (to, height + 0.5), GRID);
+            sheet.text(tick_label(tick, step), (from - 8.0, height), Look::axis(HPos::Right));
+        }
+        let group_width = (to - from) / self.groups.len().max(1) as f64;
+        for (index, group) in self.groups.iter().enumerate() {
+            let middle = from + (index as f64 + 0.5) * group_width;
+            group.draw(sheet, middle, group_width, lower, &y);
+            sheet.text(group.label.as_str(), (middle, lower + 15.0), Look::axis(HPos::Center));
+        }
+        sheet.rectangle((from, upper), (from + 1.0, lower), FAINT);
+        sheet.rectangle((from, lower), (to, lower + 1.0), FAINT);
+        sheet.text("task size, rays", ((from + to) / 2.0, lower + 34.0), Look::axis(HPos::Center));
+    }
+}
+
+impl Group {
+    fn draw(&self, sheet: &mut Sheet, middle: f64, width: f64, lower: f64, y: &dyn Fn(f64) -> f64) {
+        let slot = SLOT * width;
+        let gap = 0.03 * width;
+        let mut pair = |left: f64, back: [(Bar, Rgb); 2], front: Bar, color: Rgb| {
+            for (half, (bar, color)) in back.iter().enumerate() {
+                let from = left + half as f64 * slot / 2.0;
+                sheet.rectangle((from, y(bar.median_s)), (from + slot / 2.0, lower), *color);
+            }
+            let from = left + slot * (1.0 - FRONT) / 2.0;
+            let (trace, total) = (y(front.median_s - front.estimate_s), y(front.median_s));
+            sheet.rectangle((from, trace), (from + slot * FRONT, lower), color);
+            sheet.rectangle((from, total), (from + slot * FRONT, trace), ESTIMATION);
+            let edge = slot * (1.0 - FRONT) / 4.0;
+            // Halves of one bar share a whisker.
+            let whiskers = if back[0].0 == back[1].0 { &back[..1] } else { &back[..] };
+            for ((bar, _), x) in whiskers.iter().zip([left + edge, left + slot - edge]) {
+                whisker(sheet, x, bar.interval_s.map(y), FAINT);
+            }
+            whisker(sheet, left + slot / 2.0, front.interval_s.map(y), INK);
+        };
+        let fixed = [(self.blocks, BLOCKS), (self.round_robin, ROUND_ROBIN)];
+        pair(middle - gap / 2.0 - slot, fixed, self.static_cost, ORANGE);
+        pair(middle + gap / 2.0, [(self.central, BLOCKS); 2], self.central_cost, BLUE);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bar(median_s: f64, estimate_s: f64) -> Bar {
+        Bar { median_s, interval_s: [median_s * 0.9, median_s * 1.1], estimate_s }
+    }
+
+    fn group(scale: f64) -> Group {
+        let whole = |s: f64| bar(s * scale, 0.0);
+        Group {
+            label: "64".to_owned(),
+            blocks: whole(2.0),
+            round_robin: whole(1.2),
+            static_cost: bar(1.1 * scale, 0.05 * scale),
+            central: whole(1.5),
+            central_cost: bar(1.3 * scale, 0.05 * scale),
+        }
+    }
+
+    /// The y coordinates, in units of an eighth of a pixel, of the rectangles of a colour.
+    fn tops(svg: &str, color: Rgb) -> Vec<i32> {
+        let color = format!("#{:02X}{:02X}{:02X}", color[0], color[1], color[2]);
+        let rectangles = svg.lines().filter(|line| line.contains("<rect") && line.contains(&color));
+        let y = |line: &str| Some(line.split(" y=\"").nth(1)?.split('"').next()?.parse().unwrap());
+        rectangles.filter_map(y).collect()
+    }
+
+    // Mutants: the estimation drawn from the ground; `y` not scaled by the longest bar.
+    #[test]
+    fn the_estimation_stands_on_the_tracing() {
+        let panel = Panel { title: "a scene".to_owned(), groups: vec![group(1.0)] };
+        let figure = Figure { title: String::new(), notes: Vec::new(), panels: vec![panel] };
+        let svg = to_svg(&figure).unwrap();
+        // The first of each colour is the legend's.
+        let (trace, total) = (tops(&svg, ORANGE)[1], tops(&svg, ESTIMATION)[1]);
+        let per_second = PLOT * 8.0 / (2.2 * 1.04);
+        assert!((f64::from(trace - total) - 0.05 * per_second).abs() <= 1.0, "{trace} {total}");
+        let blocks = tops(&svg, BLOCKS)[1];
+        assert!((f64::from(trace - blocks) - 0.95 * per_second).abs() <= 1.0, "{trace} {blocks}");
+    }
+
+    #[test]
+    fn odd_times_draw_something_and_no_panel_is_refused() {
+        for scale in [0.0, 1e-9, 1e9, f64::NAN, f64::INFINITY] {
+            let panels = vec![Panel { title: "odd".to_owned(), groups: vec![group(scale); 3] }; 3];
+            assert!(to_svg(&Figure { title: String::new(), notes: Vec::new(), panels }).unwrap().contains("odd"));
+        }
+        let none = Panel { title: "empty".to_owned(), groups: Vec::new() };
+        let figure = Figure { title: String::new(), notes: Vec::new(), panels: vec![none] };
+        assert!(to_svg(&figure).is_ok());
+        assert!(to_svg(&Figure { panels: Vec::new(), ..figure }).is_err());
+    }
+}

@@ -1,0 +1,226 @@
+//! A drawing in pixels, written as SVG and as PNG: what the charts draw on.
+//!
+//! SVG goes through plotters' backend, which knows how to write it; PNG through [`Canvas`], whose embedded font makes
+//! the same file on a machine without fonts.
+
+use super::canvas::{Canvas, Rgb};
+use anyhow::{Result, anyhow};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{Pos, VPos};
+use std::path::Path;
+
+pub(super) use plotters::style::text_anchor::HPos;
+
+// M. Okabe and K. Ito, Color Universal Design (2008): told apart with any colour vision.
+pub(super) const ORANGE: Rgb = [0xe6, 0x9f, 0x00];
+pub(super) const BLUE: Rgb = [0x00, 0x72, 0xb2];
+pub(super) const SKY: Rgb = [0x56, 0xb4, 0xe9];
+pub(super) const GREEN: Rgb = [0x00, 0x9e, 0x73];
+pub(super) const VERMILION: Rgb = [0xd5, 0x5e, 0x00];
+pub(super) const PURPLE: Rgb = [0xcc, 0x79, 0xa7];
+
+// These are also what html/page.css turns over for dark mode.
+pub(super) const PAPER: Rgb = [0xff; 3];
+pub(super) const PALE: Rgb = [0xe6; 3];
+pub(super) const GRID: Rgb = [0xee; 3];
+pub(super) const INK: Rgb = [0x22; 3];
+pub(super) const FAINT: Rgb = [0x66; 3];
+
+/// plotters places things at whole units; with eight to a pixel, gaps far thinner than a pixel keep their place.
+const UNITS: f64 = 8.0;
+
+/// Pixels of a PNG for each pixel of the drawing: sharp on a screen of double density, and in print.
+const PNG_SCALE: f64 = 2.0;
+
+/// Width of a letter over its size, at most: the embedded font's, which is wider than what browsers take.
+const LETTER: f64 = 0.61;
+
+/// A place, in pixels from the upper left.
+pub(super) type Place = (f64, f64);
+
+/// Something drawn.
+enum Shape {
+    Rectangle { from: Place, to: Place, color: Rgb },
+    Line { points: Vec<Place>, width: f64, color: Rgb },
+    Dot { at: Place, radius: f64, color: Rgb },
+    Text { text: String, at: Place, look: Look },
+}
+
+/// How text looks: size in pixels, and which end of it is at the place given. Its middle is at the height given.
+#[derive(Clone, Copy)]
+pub(super) struct Look {
+    pub(super) size: f64,
+    /// Without effect in PNG, whose font has one weight.
+    pub(super) bold: bool,
+    pub(super) color: Rgb,
+    pub(super) align: HPos,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self { size: 13.0, bold: false, color: INK, align: HPos::Left }
+    }
+}
+
+impl Look {
+    /// The size and weight of a picture's title.
+    pub(super) fn title() -> Self {
+        Self { size: 20.0, bold: true, ..Self::default() }
+    }
+
+    /// Small and faint, as on axes.
+    pub(super) fn axis(align: HPos) -> Self {
+        Self { size: 12.0, color: FAINT, align, ..Self::default() }
+    }
+}
+
+/// A picture of `width × height` pixels.
+pub(super) struct Sheet {
+    width: f64,
+    height: f64,
+    shapes: Vec<Shape>,
+}
+
+impl Sheet {
+    pub(super) fn new(width: f64, height: f64) -> Self {
+        Self { width, height, shapes: Vec::new() }
+    }
+
+    pub(super) fn rectangle(&mut self, from: Place, to: Place, color: Rgb) {
+        self.shapes.push(Shape::Rectangle { from, to, color });
+    }
+
+    pub(super) fn line(&mut self, points: impl Into<Vec<Place>>, width: f64, color: Rgb) {
+        self.shapes.push(Shape::Line { points: points.into(), width, color });
+    }
+
+    pub(super) fn dot(&mut self, at: Place, radius: f64, color: Rgb) {
+        self.shapes.push(Shape::Dot { at, radius, color });
+    }
+
+    pub(super) fn text(&mut self, text: impl Into<String>, at: Place, look: Look) {
+        self.shapes.push(Shape::Text { text: text.into(), at, look });
+    }
+
+    /// The drawing as an SVG document.
+    pub(super) fn to_svg(&self) -> Result<String> {
+        let mut svg = String::new();
+        let size = (units(self.width) as u32, units(self.height) as u32);
+        {
+            let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+            let drawing = || -> Drawn {
+                area.fill(&WHITE)?;
+                self.shapes.iter().try_for_each(|shape| shape.to_svg(&area))?;
+                area.present()
+            };
+            drawing().map_err(|error| anyhow!("cannot draw: {error}"))?;
+        }
+        // The view box keeps the fine units; the picture is shown in pixels.
+        let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
+        Ok(svg.replacen(&fine, &format!("width=\"{}\" height=\"{}\"", self.width, self.height), 1))
+    }
+
+    /// Writes the drawing as a PNG.
+    pub(super) fn write_png(&self, path: &Path) -> Result<()> {
+        let [width, height] = [self.width, self.height].map(|side| (side * PNG_SCALE).ceil() as u32);
+        let mut canvas = Canvas::new(width, height, PAPER)?;
+        self.shapes.iter().for_each(|shape| shape.to_canvas(&mut canvas));
+        canvas.write_png(path)
+    }
+}
+
+/// The width that text of `size` pixels has at most.
+pub(super) fn text_room(text: &str, size: f64) -> f64 {
+    text.chars().count() as f64 * LETTER * size
+}
+
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
+
+impl Shape {
+    fn to_svg(&self, area: &Area<'_>) -> Drawn {
+        let place = |at: &Place| (units(at.0), units(at.1));
+        match self {
+            Self::Rectangle { from, to, color } => {
+                // At least one unit wide, or nothing would be seen of it.
+                let right = units(to.0).max(units(from.0) + 1);
+                area.draw(&Rectangle::new([place(from), (right, units(to.1))], rgb(*color).filled()))
+            }
+            Self::Line { points, width, color } => {
+                let style = rgb(*color).stroke_width(units(*width).max(1) as u32);
+                area.draw(&PathElement::new(points.iter().map(place).collect::<Vec<_>>(), style))
+            }
+            Self::Dot { at, radius, color } => area.draw(&Circle::new(place(at), units(*radius), rgb(*color).filled())),
+            Self::Text { text, at, look } => {
+                let weight = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
+                let font = ("sans-serif", units(look.size), weight).into_font().color(&rgb(look.color));
+                let align = match look.align {
+                    HPos::Left => HPos::Left,
+                    HPos::Center => HPos::Center,
+                    HPos::Right => HPos::Right,
+                };
+                area.draw(&Text::new(text.clone(), place(at), font.pos(Pos::new(align, VPos::Center))))
+            }
+        }
+    }
+
+    fn to_canvas(&self, canvas: &mut Canvas) {
+        let place = |at: &Place| [at.0 * PNG_SCALE, at.1 * PNG_SCALE];
+        match self {
+            Self::Rectangle { from, to, color } => canvas.cover(place(from), place(to), *color),
+            Self::Line { points, width, color } => {
+                for pair in points.windows(2) {
+                    canvas.stroke(place(&pair[0]), place(&pair[1]), width * PNG_SCALE, *color);
+                }
+            }
+            Self::Dot { at, radius, color } => canvas.stroke(place(at), place(at), 2.0 * radius * PNG_SCALE, *color),
+            Self::Text { text, at, look } => {
+                let size = (look.size * PNG_SCALE) as f32;
+                let width = f64::from(canvas.text_width(text, size));
+                let [x, y] = place(at);
+                let left = match look.align {
+                    HPos::Left => x,
+                    HPos::Center => x - width / 2.0,
+                    HPos::Right => x - width,
+                };
+                // The middle of small letters is about a third of the size above the baseline.
+                let baseline = y + f64::from(size) / 3.0;
+                canvas.text_at(text, left as f32, baseline as f32, size, look.color);
+            }
+        }
+    }
+}
+
+fn rgb([r, g, b]: Rgb) -> RGBColor {
+    RGBColor(r, g, b)
+}
+
+fn units(pixels: f64) -> i32 {
+    (pixels * UNITS).round() as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_forms_are_written_and_the_svg_is_shown_in_pixels() {
+        let mut sheet = Sheet::new(60.0, 40.0);
+        sheet.rectangle((1.0, 1.0), (20.0, 20.0), BLUE);
+        sheet.line([(0.0, 0.0), (30.0, 30.0), (f64::NAN, 1e9)], 1.5, INK);
+        sheet.dot((30.0, 20.0), 3.0, ORANGE);
+        for align in [HPos::Left, HPos::Center, HPos::Right] {
+            sheet.text("a < b", (30.0, 20.0), Look { align, ..Look::default() });
+        }
+        let svg = sheet.to_svg().unwrap();
+        assert!(svg.contains("width=\"60\" height=\"40\""), "plotters no longer writes the size as expected");
+        assert!(svg.contains("a &lt; b") && svg.contains("<circle") && svg.contains("<polyline"));
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("sheet.png");
+        sheet.write_png(&path).unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let reader = png::Decoder::new(file).read_info().unwrap();
+        assert_eq!((reader.info().width, reader.info().height), (120, 80));
+    }
+}

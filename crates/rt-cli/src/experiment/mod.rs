@@ -1,0 +1,77 @@
+//! What measuring commands share: a scene on devices, its streams, the machine, virtual devices.
+
+mod machine;
+mod replay;
+
+pub(crate) use machine::Machine;
+pub(crate) use replay::{Observed, Queue, Replay};
+
+use crate::args::SceneArgs;
+use crate::interrupt;
+use crate::scene_source::{Prepared, prepare};
+use anyhow::{Context, Result, bail};
+use rt_balance::report::StreamRun;
+use rt_balance::{Balancer, Control, Scheduling, Stream};
+use rt_core::{CameraRays, Device, Hit, RaySource, StreamKind, StreamSpec, morton};
+use rt_scene::streams::Spawner;
+use std::path::Path;
+use std::sync::Arc;
+
+/// A scene on devices, ready for repeated measurements.
+pub(crate) struct Subject {
+    /// Short name: the built-in scene's, or the file's without folder and ending.
+    pub(crate) name: String,
+    pub(crate) balancer: Balancer,
+    prepared: Prepared,
+    /// Results are thrown away, but written as in any run.
+    hits: Vec<Hit>,
+}
+
+impl Subject {
+    /// Loads the scene and brings it to the devices.
+    pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
+        let prepared = prepare(scene, source)?;
+        let balancer = Balancer::new(Arc::new(prepared.built.scene.clone()), devices)?;
+        let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
+        Ok(Self { name, balancer, prepared, hits: Vec::new() })
+    }
+
+    /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
+    pub(crate) fn streams(&mut self, size: [u32; 2], seed: u32) -> Result<[Stream; 2]> {
+        let camera = self.prepared.view().camera().context("the scene's camera")?;
+        let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
+        let rays = RaySource::Camera(Arc::new(CameraRays { camera, size, pixels, samples: 1, seed }));
+        let spec = StreamSpec { precision: self.prepared.precision, ..StreamSpec::default() };
+        let primary = Stream::new(rays.clone(), StreamKind::Primary, spec);
+        self.trace(&primary, &mut Scheduling::default())?;
+        let spawner =
+            Spawner { model: &self.prepared.model, rays: &rays, hits: &self.hits, seed, samples: 1, bounce: 0 };
+        let diffuse = spawner.diffuse(0..rays.len()).into_source().0;
+        Ok([primary, Stream::new(diffuse, StreamKind::Diffuse(0), spec)])
+    }
+
+    /// Traces a stream once.
+    pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
+        if interrupt::requested() {
+            bail!("interrupted");
+        }
+        self.hits.clear();
+        self.hits.resize(stream.source.len() as usize, Hit::MISS);
+        let control = Control { cancel: Some(interrupt::flag()), progress: None };
+        Ok(self.balancer.trace(stream, scheduling, &mut self.hits, None, control)?)
+    }
+
+    /// Names of the devices.
+    pub(crate) fn devices(&self) -> Vec<String> {
+        self.balancer.devices().map(|device| device.name.clone()).collect()
+    }
+}
+
+/// The command line as one would type it.
+pub(crate) fn command_line() -> String {
+    let words = std::env::args().skip(1).map(|word| {
+        let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
+        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    });
+    std::iter::once("raybalance".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,159 @@
+//! Virtual devices driven by task times that were measured on a real one.
+//!
+//! The queues and policies are those of real runs, on the virtual clock of [`rt_sched::simulate`]. What is taken from
+//! measurement: each task's own time, what a launch costs beside its tasks, and the walks and the planning of an
+//! estimation. What is assumed: that devices do not slow each other down, and share the walks of the estimation evenly.
+
+use rt_balance::report::{ActivityKind, StreamRun};
+use rt_balance::stats::median;
+use rt_core::{CostModel, TaskId, Work};
+use rt_sched::bound;
+use rt_sched::policy::Policy;
+use rt_sched::queue::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
+use rt_sched::simulate::Simulation;
+
+/// What a run with an estimate on one real device tells of the estimate.
+#[derive(Clone, Debug)]
+pub(crate) struct Observed {
+    /// Predicted seconds of what is left of each task, by prices fitted to earlier runs.
+    pub(crate) predicted_s: Vec<f64>,
+    /// Share of each task's rays that is left, from 0 to 1: the others' hits were kept.
+    pub(crate) left: Vec<f64>,
+    /// Device seconds of the estimation's walks.
+    pub(crate) walks_s: f64,
+    /// The rest of the estimation: host seconds of choosing samples and planning.
+    pub(crate) planning_s: f64,
+    /// Median seconds of a launch beside its tasks.
+    pub(crate) launch_s: f64,
+}
+
+impl Observed {
+    /// Reads a run over one device.
+    pub(crate) fn of(run: &StreamRun) -> Self {
+        let walks = run.activities.iter().filter(|activity| activity.kind == ActivityKind::Estimate);
+        let walks_s: f64 = walks.map(|walk| walk.end_s - walk.start_s).sum();
+        let launches = run.activities.iter().filter(|activity| activity.kind == ActivityKind::Launch);
+        let beside: Vec<f64> = launches
+            .map(|launch| {
+                let tasks: f64 = launch.tasks.iter().filter_map(|&task| run.measured_s.get(task as usize)).sum();
+                (launch.end_s - launch.start_s - tasks).max(0.0)
+            })
+            .filter(|seconds| seconds.is_finite())
+            .collect();
+        let left = |(task, kept): (&rt_core::Task, &u32)| 1.0 - f64::from(*kept) / f64::from(task.rays.max(1));
+        Self {
+            predicted_s: run.predicted_s.clone(),
+            left: run.tasks.iter().zip(&run.kept).map(left).collect(),
+            walks_s,
+            planning_s: (run.report.estimate.seconds - walks_s).max(0.0),
+            launch_s: if beside.is_empty() { 0.0 } else { median(&beside) },
+        }
+    }
+}
+
+/// Virtual devices of given speeds, 1 being that of the measured one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Replay<'a> {
+    pub(crate) speeds: &'a [f64],
+    /// Seconds of each task, all its rays, on the measured device.
+    pub(crate) task_s: &'a [f64],
+    /// Seconds of a launch beside its tasks.
+    pub(crate) launch_s: f64,
+}
+
+/// How a queue starts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Queue<'a> {
+    Static(&'a dyn Policy),
+    Central,
+    Hybrid,
+}
+
+impl Replay<'_> {
+    /// Makespan without any estimate, in seconds: every ray counts the same, and every device.
+    pub(crate) fn regular(&self, queue: Queue<'_>, rays: &[u32]) -> f64 {
+        let work: Vec<Work> = rays.iter().map(|&n| Work::new(n as f32, n as f32, 0.0)).collect();
+        self.run(queue, &work, &vec![CostModel::UNIT; self.speeds.len()], |_| 1.0)
+    }
+
+    /// Makespan with an estimate, in seconds, and the part of it that the estimation took.
+    pub(crate) fn cost_initialised(&self, queue: Queue<'_>, seen: &Observed) -> (f64, f64) {
+        // A predicted nanosecond counts as a box test: devices of speed s do s of them in a nanosecond.
+        let work: Vec<Work> = seen.predicted_s.iter().map(|s| Work::new(0.0, (s * 1e9) as f32, 0.0)).collect();
+        let model = |&speed: &f64| CostModel::new(self.launch_s, 1e-9 / speed, 1e-9 / speed, 1e-9 / speed);
+        let models: Vec<CostModel> = self.speeds.iter().map(|s| model(s).unwrap_or_default()).collect();
+        let estimate_s = seen.walks_s / self.speeds.iter().sum::<f64>() + seen.planning_s;
+        let left = |task: TaskId| seen.left.get(task as usize).copied().unwrap_or(1.0);
+        (estimate_s + self.run(queue, &work, &models, left), estimate_s)
+    }
+
+    /// Least makespan that any schedule of all rays has, in seconds.
+    pub(crate) fn lower_bound(&self) -> f64 {
+        bound::related(self.task_s, self.speeds)
+    }
+
+    fn run(&self, queue: Queue<'_>, work: &[Work], models: &[CostModel], left: impl Fn(TaskId) -> f64) -> f64 {
+        let (queue, launch_each): (Box<dyn TaskQueue>, bool) = match queue {
+            Queue::Static(policy) => (Box::new(StaticQueue::new(&policy.schedule(work, models))), false),
+            Queue::Central => (Box::new(CentralQueue::new(work, models)), true),
+            Queue::Hybrid => {
+                let schedule = rt_sched::policy::Lpt.schedule(work, models);
+                (Box::new(HybridQueue::new(&schedule, work, models)), false)
+            }
+        };
+        // What a launch takes beside its tasks was measured inside the device's own span, so a second launch in flight
+        // does not hide it. Where every task is a launch it is part of the task; elsewhere there are too few to matter.
+        let extra = if launch_each { self.launch_s } else { 0.0 };
+        let seconds = |device: usize, task: TaskId| {
+            (self.task_s[task as usize] * left(task) + extra) / self.speeds.get(device).copied().unwrap_or(1.0)
+        };
+        let simulation = Simulation { launch_s: self.launch_s, ..Simulation::default() };
+        simulation.run(&*queue, self.speeds.len(), &seconds).makespan_s
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_sched::policy::{Block, Lpt, RoundRobin};
+
+    fn seen(predicted_s: &[f64], left: f64) -> Observed {
+        Observed {
+            predicted_s: predicted_s.to_vec(),
+            left: vec![left; predicted_s.len()],
+            walks_s: 0.6,
+            planning_s: 0.01,
+            launch_s: 0.0,
+        }
+    }
+
+    /// Mutants: kept rays traced again (`left` ignored); the walks not shared; speeds ignored by the clock.
+    #[test]
+    fn devices_share_walks_and_leave_out_kept_rays() {
+        let task_s = [4.0, 1.0, 1.0, 1.0, 1.0];
+        let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.0 };
+        let (total, estimate) = replay.cost_initialised(Queue::Static(&Lpt), &seen(&task_s, 0.5));
+        assert!((estimate - 0.31).abs() < 1e-9, "{estimate}");
+        // Half of every task is left, and LPT deals 4 against 1 + 1 + 1 + 1.
+        assert!((total - estimate - 2.0).abs() < 1e-3, "{total}");
+        let fast = Replay { speeds: &[1.0, 3.0], ..replay };
+        assert!((fast.cost_initialised(Queue::Static(&Lpt), &seen(&task_s, 1.0)).1 - 0.16).abs() < 1e-9);
+        assert_eq!(fast.lower_bound(), 2.0);
+    }
+
+    /// Mutants: `Queue::Central` without `extra`; blocks dealt in turn.
+    #[test]
+    fn queues_differ_as_they_should() {
+        let task_s = [3.0, 3.0, 1.0, 1.0];
+        let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.5 };
+        let rays = [64; 4];
+        let near = |a: f64, b: f64| (a - b).abs() < 1e-3;
+        let blocks = replay.regular(Queue::Static(&Block), &rays);
+        assert!(near(blocks, 6.5), "{blocks}");
+        let turns = replay.regular(Queue::Static(&RoundRobin), &rays);
+        assert!(near(turns, 4.5), "{turns}");
+        // Two tasks on each device, each with its launch; the first launch must be waited for.
+        let central = replay.regular(Queue::Central, &rays);
+        assert!(near(central, 5.5), "{central}");
+    }
+}

@@ -1,0 +1,164 @@
+//! What `figure1` leaves behind: figure, raw times, tables.
+
+use super::Results;
+use super::measure::{BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, Panel, ROUND_ROBIN, STATIC_COST, Series, Size};
+use crate::chart::figure1::{self, Bar, Figure, Group};
+use crate::output::write_atomically;
+use crate::table::{self, Table, grouped};
+use anyhow::Result;
+use std::fmt::Write as _;
+use std::path::Path;
+
+pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
+    let figure = figure(results);
+    figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure)?;
+    let csv = csv(results);
+    write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
+    write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
+    println!("{}", figure.title);
+    for note in &figure.notes {
+        println!("  {note}");
+    }
+    for panel in &results.panels {
+        println!("\n{}\n{}", panel.title(), panel.table());
+    }
+    println!("  written to {}: figure1.svg, .png, .csv, .json", out.display());
+    Ok(())
+}
+
+/// The figure with everything a reader must know to trust it.
+pub(super) fn figure(results: &Results) -> Figure {
+    let kind = if results.mode == "replay" { "virtual devices (replay)" } else { "devices" };
+    let title = format!("Tracing time against task size on {} {kind}", results.devices);
+    let fraction = 1.0 / results.fraction;
+    let mut notes = vec![if results.mode == "replay" {
+        format!(
+            "Replay: queues on a virtual clock, driven by task times measured on {} in a pass that no estimate was \
+             fitted to; not a run on {} devices.",
+            results.measured_on.join(", "),
+            results.devices
+        )
+    } else {
+        format!("Real runs on {}.", results.measured_on.join(", "))
+    }];
+    notes.push(format!(
+        "Estimator {}, 1 ray in {fraction:.0} sampled. Medians of {} interleaved rounds, whiskers: {:.0}% intervals \
+         between order statistics. Seeds {}–{}.",
+        results.estimator,
+        results.repetitions,
+        100.0 * confidence(results),
+        u64::from(results.seed) + 1,
+        u64::from(results.seed) + u64::from(results.repetitions),
+    ));
+    notes.push(results.machine.to_string());
+    let panels = results.panels.iter().map(|panel| figure1::Panel {
+        title: panel.title(),
+        groups: panel.sizes.iter().map(group).collect(),
+    });
+    Figure { title, notes, panels: panels.collect() }
+}
+
+/// How sure the whiskers are, from 0 to 1.
+fn confidence(results: &Results) -> f64 {
+    let series = results.panels.iter().flat_map(|panel| &panel.sizes).flat_map(|size| &size.series).next();
+    series.map_or(0.0, |series| series.total.confidence)
+}
+
+fn group(size: &Size) -> Group {
+    let bar = |index: usize| {
+        let series: &Series = &size.series[index];
+        Bar {
+            median_s: series.total.median,
+            interval_s: [series.total.low, series.total.high],
+            estimate_s: series.estimate.median,
+        }
+    };
+    // Regular queues estimate nothing; what little planning they do belongs to their time.
+    let whole = |index| Bar { estimate_s: 0.0, ..bar(index) };
+    Group {
+        label: grouped(size.task_rays.into()),
+        blocks: whole(BLOCKS),
+        round_robin: whole(ROUND_ROBIN),
+        static_cost: bar(STATIC_COST),
+        central: whole(CENTRAL),
+        central_cost: bar(CENTRAL_COST),
+    }
+}
+
+impl Panel {
+    pub(super) fn title(&self) -> String {
+        let coherence = if self.stream == "primary" { "coherent" } else { "incoherent" };
+        format!("{}, {} rays ({coherence}): {}", self.scene, self.stream, grouped(self.rays.into()))
+    }
+
+    /// Medians, and what cost initialisation does to each queue.
+    pub(super) fn table(&self) -> Table {
+        let mut table = Table::new(&[
+            "task",
+            "tasks",
+            "blocks",
+            "round robin",
+            "LPT",
+            "estimate",
+            "central",
+            "central+cost",
+            "LPT/round robin",
+            "central+cost/central",
+        ]);
+        for size in &self.sizes {
+            let total = |index: usize| table::seconds(size.series[index].total.median);
+            let ratio = |index: usize| {
+                let last = size.series[index].ratios.last();
+                last.map_or_else(String::new, |r| {
+                    format!("{:.3} ({:.3}–{:.3})", r.ratio.median, r.ratio.low, r.ratio.high)
+                })
+            };
+            table.row(vec![
+                grouped(size.task_rays.into()),
+                grouped(size.tasks as u64),
+                total(BLOCKS),
+                total(ROUND_ROBIN),
+                total(STATIC_COST),
+                table::seconds(size.series[STATIC_COST].estimate.median),
+                total(CENTRAL),
+                total(CENTRAL_COST),
+                ratio(STATIC_COST),
+                ratio(CENTRAL_COST),
+            ]);
+        }
+        table
+    }
+}
+
+/// Every single time, one line each, under lines that say where it comes from.
+fn csv(results: &Results) -> String {
+    let mut text = format!(
+        "# command: {}\n# machine: {}\n# {} on {} devices, measured on: {}\n# estimator {}, fraction {}\n",
+        results.command,
+        results.machine,
+        results.mode,
+        results.devices,
+        results.measured_on.join("; "),
+        results.estimator,
+        results.fraction
+    );
+    text.push_str("scene,stream,rays,task_rays,tasks,round,seed,configuration,total_s,estimate_s\n");
+    for panel in &results.panels {
+        for size in &panel.sizes {
+            for (config, series) in CONFIGS.iter().zip(&size.series) {
+                let rows = size.seeds.iter().zip(&series.total_s).zip(&series.estimate_s);
+                for (round, ((seed, total), estimate)) in (1..).zip(rows) {
+                    let Panel { scene, stream, rays, .. } = panel;
+                    let (task_rays, tasks, name) = (size.task_rays, size.tasks, config.name);
+                    // Quoted where a name may hold a comma; a quote is doubled (RFC 4180).
+                    let scene = scene.replace('"', "\"\"");
+                    let _ = writeln!(
+                        text,
+                        "\"{scene}\",{stream},{rays},{task_rays},{tasks},{round},{seed},\"{name}\",{total:e},{estimate:e}"
+                    );
+                }
+            }
+        }
+    }
+    text
+}
