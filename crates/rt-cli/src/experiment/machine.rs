@@ -24,7 +24,8 @@ impl Machine {
     pub(crate) fn this() -> Self {
         // Linux only; elsewhere the name stays empty.
         let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-        let field = |line: &str| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim().to_owned());
+        let field =
+            |line: &str| line.strip_prefix("model name")?.split_once(':').map(|(_, name)| name.trim().to_owned());
         Self {
             processor: info.lines().find_map(field).unwrap_or_default(),
             cores: CpuDevice::cores(),

@@ -205,10 +205,8 @@ fn series(index: usize, rounds: &[[Times; CONFIGS.len()]]) -> Series {
     let config = &CONFIGS[index];
     let totals = |index: usize| rounds.iter().map(|times| times[index].0).collect::<Vec<f64>>();
     let (total_s, estimate_s) = (totals(index), rounds.iter().map(|times| times[index].1).collect::<Vec<f64>>());
-    let ratio = |&other: &usize| Ratio {
-        over: CONFIGS[other].name,
-        ratio: Summary::of_ratios(&total_s, &totals(other)),
-    };
+    let ratio =
+        |&other: &usize| Ratio { over: CONFIGS[other].name, ratio: Summary::of_ratios(&total_s, &totals(other)) };
     Series {
         queue: config.queue.name(),
         policy: config.policy.map(|dealt| dealt.policy().name()),

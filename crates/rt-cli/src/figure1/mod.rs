@@ -120,11 +120,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
         Ok(devices)
     };
     if let Some(count) = args.replay {
-        return Ok(Setting {
-            devices: one(args.devices.as_deref())?,
-            replay: Some(count as usize),
-            note: None,
-        });
+        return Ok(Setting { devices: one(args.devices.as_deref())?, replay: Some(count as usize), note: None });
     }
     let cores = CpuDevice::cores();
     let Some(list) = &args.devices else {

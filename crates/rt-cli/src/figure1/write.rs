@@ -33,8 +33,8 @@ pub(super) fn figure(results: &Results) -> Figure {
     let fraction = 1.0 / results.fraction;
     let mut notes = vec![if results.mode == "replay" {
         format!(
-            "Replay: queues on a virtual clock, driven by task times measured on {} in a pass that no estimate was \
-             fitted to; not a run on {} devices.",
+            "Replay: queues on a virtual clock, driven by task times measured on {} in a pass that nothing was fitted \
+             to; not a run on {} devices.",
             results.measured_on.join(", "),
             results.devices
         )
@@ -51,10 +51,10 @@ pub(super) fn figure(results: &Results) -> Figure {
         u64::from(results.seed) + u64::from(results.repetitions),
     ));
     notes.push(results.machine.to_string());
-    let panels = results.panels.iter().map(|panel| figure1::Panel {
-        title: panel.title(),
-        groups: panel.sizes.iter().map(group).collect(),
-    });
+    let panels = results
+        .panels
+        .iter()
+        .map(|panel| figure1::Panel { title: panel.title(), groups: panel.sizes.iter().map(group).collect() });
     Figure { title, notes, panels: panels.collect() }
 }
 
@@ -88,7 +88,8 @@ fn group(size: &Size) -> Group {
 impl Panel {
     pub(super) fn title(&self) -> String {
         let coherence = if self.stream == "primary" { "coherent" } else { "incoherent" };
-        format!("{}, {} rays ({coherence}): {}", self.scene, self.stream, grouped(self.rays.into()))
+        let kind = self.stream.split(' ').next().unwrap_or(&self.stream);
+        format!("{}, {kind} rays ({coherence}): {}", self.scene, grouped(self.rays.into()))
     }
 
     /// Medians, and what cost initialisation does to each queue.
