@@ -25,6 +25,7 @@ environment:
   RAYBALANCE_SCENES  folder with *.obj or *.obj.xz and cameras.tsv; tests that need scenes are left out without it
   RT_REQUIRE         what must not be missing, such as `cpu`: a test that lacks it fails instead of being left out;
                      with CI=true everything that `setup` provides, unless set
+  CHROMIUM           browser for the tests of report.html; unless set, chromium, chromium-browser or google-chrome
   VK_DRIVER_FILES    Vulkan drivers to be tested, as for any program that uses Vulkan; unless set, three software
                      devices, which `setup` puts into .setup/vulkan and registers below XDG_DATA_HOME for programs
                      that are run by hand

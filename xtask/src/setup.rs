@@ -13,7 +13,8 @@ use std::process::Command;
 pub(crate) struct Setup {
     /// Folder of unpacked scenes, if the caller named any.
     pub(crate) scenes: Option<PathBuf>,
-    /// Backends that tests may demand through `RT_REQUIRE`: those that need no part, and those whose parts are there.
+    /// Backends and programs that tests may demand through `RT_REQUIRE`: those that need no part, and those whose parts
+    /// are there.
     pub(crate) provided: Vec<&'static str>,
     /// Whether [`vulkan::environment`] names devices.
     pub(crate) software_vulkan: bool,
@@ -24,6 +25,9 @@ const VULKAN_BACKENDS: &[(&str, &str)] = &[("backend-vulkan", "vulkan"), ("backe
 
 /// Whether the driver, which is Debian's, can be had.
 const VULKAN_SUPPORTED: bool = cfg!(target_os = "linux");
+
+/// Whether a browser, which is Debian's, can be had: the pages that commands write are tested in it.
+const BROWSER_SUPPORTED: bool = cfg!(target_os = "linux");
 
 /// Something from outside that the tests need.
 struct Part {
@@ -82,6 +86,11 @@ const PARTS: &[Part] = &[
         install: |context| context.scenes.as_ref().map_or_else(|| Ok(String::new()), scenes::Folders::update),
     },
     Part {
+        name: "Chromium",
+        state: |_| Ok(if BROWSER_SUPPORTED { present(chromium()) } else { State::NotNeeded("only for Linux") }),
+        install: |_| apt::install(&["chromium"]).map(|()| "installed chromium".to_owned()),
+    },
+    Part {
         name: "software Vulkan",
         state: |context| match context.no_vulkan() {
             None => Ok(present(vulkan::defect()?.is_none())),
@@ -127,11 +136,21 @@ pub(crate) fn setup() -> Result<Setup> {
     if software_vulkan {
         provided.extend(&context.vulkan);
     }
+    if BROWSER_SUPPORTED {
+        provided.push("chromium");
+    }
     Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target), provided, software_vulkan })
 }
 
 fn present(yes: bool) -> State {
     if yes { State::Present } else { State::Missing }
+}
+
+/// Whether a browser of this family is there, under one of the names that the tests know too.
+fn chromium() -> bool {
+    let named = std::env::var_os("CHROMIUM").into_iter();
+    let known = ["chromium", "chromium-browser", "google-chrome"].map(Into::into);
+    named.chain(known).any(|name: std::ffi::OsString| succeeds(Command::new(name).arg("--version")))
 }
 
 fn component(subcommand: &str) -> State {

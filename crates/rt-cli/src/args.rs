@@ -134,7 +134,7 @@ pub(crate) struct Figure1Args {
     #[arg(long)]
     pub(crate) quick: bool,
     /// Folder for figure1.svg, .png, .csv, .json and report.html
-    #[arg(long, default_value = "out", value_name = "DIR")]
+    #[arg(long, default_value = "out/figure1", value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
 
@@ -176,7 +176,7 @@ pub(crate) struct RenderArgs {
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known
     #[arg(long)]
     pub(crate) reference: bool,
-    /// Folder for image.png, cost.png, timeline.svg, trace.json and report.json
+    /// Folder for image.png, cost.png, timeline.svg, trace.json, report.json and report.html
     #[arg(long, default_value = "out", value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Print the report as JSON instead of tables

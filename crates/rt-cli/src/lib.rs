@@ -8,6 +8,7 @@ mod devices;
 mod experiment;
 mod figure1;
 mod frame;
+mod html;
 pub mod image;
 mod interrupt;
 mod list;

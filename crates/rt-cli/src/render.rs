@@ -5,7 +5,7 @@ use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
-use crate::{chart, devices, image, interrupt, output, table};
+use crate::{chart, devices, html, image, interrupt, output, table};
 use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
@@ -79,6 +79,17 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     };
     let path = args.out.join("report.json");
     output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
+    let rendered = html::render::Rendered {
+        report: &report,
+        runs: &runs,
+        waves: &waves,
+        size: args.size,
+        samples: args.spp,
+        seed: args.balance.seed,
+        picture: &args.out.join(picture_name(0, args)),
+        estimated: scaled_estimate,
+    };
+    rendered.write(&args.out.join("report.html"))?;
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
@@ -110,8 +121,12 @@ fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
     seconds.shade += wall - makespan - reference;
 }
 
+fn picture_name(frame: u32, args: &RenderArgs) -> String {
+    if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
+}
+
 fn write_picture(out: &Path, frame: u32, args: &RenderArgs, film: &Film) -> Result<()> {
-    let name = if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") };
+    let name = picture_name(frame, args);
     let radiance = film.radiance();
     let scale = exposure(&radiance);
     let exposed: Vec<Vec3> = radiance.into_iter().map(|c| c * scale).collect();
@@ -198,5 +213,5 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prep
         .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
         .collect();
     println!("  wall: {}", wall.join(", "));
-    println!("  written to {}: image, cost, timeline, trace, report", args.out.display());
+    println!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
 }

@@ -17,6 +17,17 @@ impl Table {
     pub(crate) fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
+
+    /// The header, then the rows.
+    pub(crate) fn rows(&self) -> &[Vec<String>] {
+        &self.rows
+    }
+
+    /// Whether a column holds words, which are set to the left.
+    pub(crate) fn is_words(&self, column: usize) -> bool {
+        let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(column)).peekable();
+        body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
+    }
 }
 
 impl std::fmt::Display for Table {
@@ -24,17 +35,13 @@ impl std::fmt::Display for Table {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(width).collect();
-        let is_words = |c: usize| {
-            let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(c)).peekable();
-            body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
-        };
         for row in &self.rows {
             let mut line = String::from(" ");
             for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
                 if column > 0 {
                     line.push(' ');
                 }
-                if is_words(column) {
+                if self.is_words(column) {
                     write!(line, " {cell:<width$}")?;
                 } else {
                     write!(line, " {cell:>width$}")?;
@@ -76,6 +83,11 @@ pub(crate) fn grouped(n: u64) -> String {
 
 /// What was balanced, stream by stream, and what each device did.
 pub(crate) fn streams(runs: &[StreamRun]) -> String {
+    format!("{}\n{}", stream_table(runs), device_table(runs))
+}
+
+/// How each stream was balanced.
+pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
     let mut streams = Table::new(&[
         "stream",
         "rays",
@@ -105,14 +117,11 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
             percent(report.excess),
         ]);
     }
-    let mut text = streams.to_string();
-    text.push('\n');
-    text.push_str(&devices(runs).to_string());
-    text
+    streams
 }
 
 /// Sums over all streams for each device.
-fn devices(runs: &[StreamRun]) -> Table {
+pub(crate) fn device_table(runs: &[StreamRun]) -> Table {
     let mut table = Table::new(&["device", "busy", "share", "launches", "tasks", "rays"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();

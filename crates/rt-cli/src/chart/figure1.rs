@@ -60,8 +60,8 @@ pub struct Bar {
     pub estimate_s: f64,
 }
 
-const BLOCKS: Rgb = [0xdd; 3];
-const ROUND_ROBIN: Rgb = [0xb4; 3];
+pub(super) const BLOCKS: Rgb = [0xdd; 3];
+pub(super) const ROUND_ROBIN: Rgb = [0xb4; 3];
 const ESTIMATION: Rgb = PURPLE;
 
 /// Sizes in pixels.

@@ -6,7 +6,9 @@
 //! | `trace.json`   | [`trace::write_json`]   | the same, to zoom into (Perfetto, `chrome://tracing`) |
 //! | `cost.png`     | [`cost::write_png`]     | estimated beside measured cost, pixel by pixel |
 //! | `figure1.svg`, `.png` | [`figure1::write`] | tracing time against task size, as in the paper |
+//! | `report.html` (part) | [`scatter::to_svg`] | estimated against measured time, task by task |
 
+mod axes;
 mod bars;
 mod canvas;
 pub mod cost;
@@ -14,6 +16,14 @@ pub mod figure1;
 #[cfg(test)]
 mod samples;
 mod scale;
+pub mod scatter;
 mod sheet;
 pub mod timeline;
 pub mod trace;
+
+pub(crate) use scale::duration;
+
+/// Every grey that a chart uses: what a page in the dark must turn over.
+#[cfg(test)]
+pub(crate) const GREYS: [[u8; 3]; 7] =
+    [sheet::PAPER, sheet::INK, sheet::FAINT, sheet::GRID, sheet::PALE, figure1::BLOCKS, figure1::ROUND_ROBIN];

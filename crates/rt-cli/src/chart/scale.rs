@@ -27,7 +27,7 @@ pub(super) fn time_unit(seconds: f64) -> (f64, &'static str) {
 }
 
 /// Seconds with three significant digits and their unit.
-pub(super) fn duration(seconds: f64) -> String {
+pub(crate) fn duration(seconds: f64) -> String {
     let (factor, unit) = time_unit(seconds);
     format!("{} {unit}", significant(seconds * factor))
 }

@@ -3,6 +3,7 @@
 use super::Results;
 use super::measure::{BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, Panel, ROUND_ROBIN, STATIC_COST, Series, Size};
 use crate::chart::figure1::{self, Bar, Figure, Group};
+use crate::html::Page;
 use crate::output::write_atomically;
 use crate::table::{self, Table, grouped};
 use anyhow::Result;
@@ -15,6 +16,7 @@ pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
     let csv = csv(results);
     write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
     write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
+    page(results, &figure)?.write(&out.join("report.html"))?;
     println!("{}", figure.title);
     for note in &figure.notes {
         println!("  {note}");
@@ -22,7 +24,7 @@ pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
     for panel in &results.panels {
         println!("\n{}\n{}", panel.title(), panel.table());
     }
-    println!("  written to {}: figure1.svg, .png, .csv, .json", out.display());
+    println!("  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display());
     Ok(())
 }
 
@@ -56,6 +58,39 @@ pub(super) fn figure(results: &Results) -> Figure {
         .iter()
         .map(|panel| figure1::Panel { title: panel.title(), groups: panel.sizes.iter().map(group).collect() });
     Figure { title, notes, panels: panels.collect() }
+}
+
+fn page(results: &Results, figure: &Figure) -> Result<Page> {
+    let mut page = Page::new(&figure.title, &results.command, &results.machine, &seeds(results));
+    page.section("Figure");
+    page.chart(
+        &figure1::to_svg(figure)?,
+        "Bars: tracing time of static and central queues, regular and cost-initialised, for every task size; one panel \
+         for each scene and kind of rays. The tables below hold the same numbers.",
+        "After Figure 1 of M. Rincón-Nigro and Z. Deng (2013). Grey bars in the background: regular queues, which know no \
+         costs. Coloured bars: the same queues initialised by estimated costs, the estimation stacked on the tracing.",
+    );
+    page.section("How it was measured");
+    for note in figure.notes.iter().chain(&results.note) {
+        page.paragraph(note);
+    }
+    page.paragraph(
+        "Every round runs all task sizes and queues in turn; a round that is not counted comes first. Ratios compare \
+         within a round. All times: figure1.csv; with summaries: figure1.json.",
+    );
+    page.section("Numbers");
+    for panel in &results.panels {
+        page.table(
+            &format!("{}: medians of the whole time; ratios with their intervals", panel.title()),
+            &panel.table(),
+        );
+    }
+    Ok(page)
+}
+
+fn seeds(results: &Results) -> String {
+    let (first, last) = (u64::from(results.seed) + 1, u64::from(results.seed) + u64::from(results.repetitions));
+    format!("Seed {} of pixels and bounces, {first}–{last} of the samples of each round.", results.seed)
 }
 
 /// How sure the whiskers are, from 0 to 1.

@@ -1,0 +1,121 @@
+//! The page of `raybalance render`.
+
+use super::Page;
+use super::cost_map::CostMap;
+use crate::chart::{scatter, timeline};
+use crate::experiment::{Machine, command_line};
+use crate::report::Report;
+use crate::table;
+use anyhow::{Context, Result};
+use rt_balance::report::StreamRun;
+use rt_core::StreamKind;
+use std::path::Path;
+use std::sync::Arc;
+
+/// What the page shows.
+pub(crate) struct Rendered<'a> {
+    pub(crate) report: &'a Report,
+    pub(crate) runs: &'a [StreamRun],
+    /// The pixels of each wave.
+    pub(crate) waves: &'a [Arc<[u32]>],
+    pub(crate) size: [u32; 2],
+    pub(crate) samples: u32,
+    pub(crate) seed: u32,
+    /// The picture's file: the first frame's.
+    pub(crate) picture: &'a Path,
+    /// Predicted seconds of a run's tasks, on the scale of the measured ones.
+    pub(crate) estimated: fn(&StreamRun) -> Vec<f64>,
+}
+
+impl Rendered<'_> {
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// When the picture cannot be read or the page not be written.
+    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+        let scene = &self.report.scene;
+        let seeds = format!("Seed {} of samples, pixels and bounces.", self.seed);
+        let title = format!("raybalance: {}", scene.source);
+        let mut page = Page::new(&title, &command_line(), &Machine::this(), &seeds);
+        page.section("Picture");
+        let png = std::fs::read(self.picture).with_context(|| format!("cannot read `{}`", self.picture.display()))?;
+        let [width, height] = self.size;
+        page.picture(
+            &png,
+            &format!("{} rendered with {} rays per pixel, {width} × {height} pixels", scene.source, self.samples),
+        );
+
+        page.section("Cost of each task");
+        page.paragraph(
+            "Device time of the primary rays of each task, per ray that was traced: as estimated before (scaled to the \
+             measured total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to \
+             task.",
+        );
+        self.cost_map().add_to(&mut page);
+
+        page.section("Estimate against measurement");
+        page.chart(
+            &scatter::to_svg(&self.panels())?,
+            "Scatter plot: estimated against measured time of every task, one panel for each kind of rays",
+            "Each dot is a task; on the line the estimate was right. Estimates are scaled to the measured total of \
+             their stream, since only relative costs matter for balancing.",
+        );
+
+        page.section("Timeline");
+        page.chart(
+            &timeline::draw(self.runs)?,
+            "Timeline: what every device did when, one panel for each stream",
+            "Estimation, launches and pauses of every device. trace.json has the same to zoom into.",
+        );
+
+        page.section("Streams");
+        page.table("How each stream was balanced", &table::stream_table(self.runs));
+        page.section("Devices");
+        page.table("What each device did, over all streams", &table::device_table(self.runs));
+        self.describe(&mut page);
+        page.write(path)
+    }
+
+    fn describe(&self, page: &mut Page) {
+        let report = self.report;
+        let scene = &report.scene;
+        page.section("Scene and settings");
+        page.paragraph(&format!(
+            "{}: {} triangles, tree of {:.1} MB by {}, {} precision.",
+            scene.source,
+            table::grouped(scene.triangles as u64),
+            scene.bvh_bytes as f64 / 1e6,
+            scene.builder,
+            scene.precision
+        ));
+        for reason in &scene.plan.reasons {
+            page.paragraph(reason);
+        }
+        let policy = report.policy.map_or_else(String::new, |policy| format!(", policy {policy}"));
+        page.paragraph(&format!("Queue {}{policy}. All numbers: report.json.", report.queue));
+    }
+
+    /// The first frame's primary rays.
+    fn cost_map(&self) -> CostMap<'_> {
+        let first = self.runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
+        let waves = first.zip(self.waves).map(|(run, pixels)| (run, pixels, (self.estimated)(run)));
+        CostMap { size: self.size, samples: self.samples, waves: waves.collect() }
+    }
+
+    /// One panel for each kind of rays, over all frames and waves.
+    fn panels(&self) -> Vec<scatter::Panel> {
+        let mut panels: Vec<scatter::Panel> = Vec::new();
+        for run in self.runs {
+            let tasks = (self.estimated)(run).into_iter().zip(&run.measured_s).map(|(e, m)| [e, *m]);
+            let title = &run.report.kind;
+            match panels.iter_mut().find(|panel| panel.title == *title) {
+                Some(panel) => panel.tasks.extend(tasks),
+                None => panels.push(scatter::Panel { title: title.clone(), tasks: tasks.collect() }),
+            }
+        }
+        if panels.is_empty() {
+            panels.push(scatter::Panel { title: "nothing was traced".to_owned(), tasks: Vec::new() });
+        }
+        panels
+    }
+}
