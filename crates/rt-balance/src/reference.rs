@@ -87,18 +87,26 @@ impl Reference {
     /// Fills in what only a reference pass knows: lower bound, excess, and both estimation errors.
     pub fn judge(&self, run: &mut StreamRun) {
         run.reference_s = Some(self.wall_s);
+        let time = self.time_errors(run);
         let report = &mut run.report;
         report.lower_bound_s = Some(self.lower_bound_s);
         report.excess = metrics::excess(report.makespan_s, self.lower_bound_s);
         let estimated: Vec<f64> = run.work.iter().map(|work| f64::from(work.tests())).collect();
         let mean = |estimated: &[f64], truth: &[f64]| Some(EstimateErrors::new(estimated, truth)?.mean_relative);
         report.estimate.mre_counts = mean(&estimated, &self.tests);
+        report.estimate.mre_time = time.map(|errors| errors.mean_relative);
+    }
+
+    /// Errors of the run's estimate against each task's own time on the device that traced it, by prices fitted on the
+    /// other half of the tasks; `None` where nothing was measured.
+    #[must_use]
+    pub fn time_errors(&self, run: &StreamRun) -> Option<EstimateErrors> {
         let own = |task: usize| {
             let device = run.device_of.get(task).map_or(usize::MAX, |&device| device as usize);
             self.seconds.get(device).and_then(|s| s.get(task)).copied().unwrap_or(f64::NAN)
         };
         let truth: Vec<f64> = (0..run.tasks.len()).map(own).collect();
-        report.estimate.mre_time = mean(&cross_predicted(&run.work, &truth), &truth);
+        EstimateErrors::new(&cross_predicted(&run.work, &truth), &truth)
     }
 }
 

@@ -32,6 +32,8 @@ pub(crate) enum Command {
     /// Draw the paper's Figure 1: tracing time against task size, with and without cost initialisation
     #[command(name = "figure1")]
     Figure1(Figure1Args),
+    /// Measure what speed costs in accuracy: every trade within a time budget, or the one named
+    Tradeoff(TradeoffArgs),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -135,6 +137,53 @@ pub(crate) struct Figure1Args {
     pub(crate) quick: bool,
     /// Folder for figure1.svg, .png, .csv, .json and report.html
     #[arg(long, default_value = "out/figure1", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub(crate) struct TradeoffArgs {
+    #[command(subcommand)]
+    pub(crate) trade: Option<TradeArg>,
+    #[command(flatten)]
+    pub(crate) common: TradeArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TradeArg {
+    /// How many rays to sample by which estimator: overhead, error, and the makespan that follows
+    Sampling(TradeArgs),
+    /// How long to build the tree: build time against rays per second
+    Build(TradeArgs),
+}
+
+#[derive(Clone, Debug, Args)]
+pub(crate) struct TradeArgs {
+    /// yard, car, or OBJ files
+    #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    /// The device to measure, such as cpu:1 or vulkan:0
+    #[arg(long, default_value = "cpu:1", value_name = "DEVICE")]
+    pub(crate) device: String,
+    /// Size of the picture in pixels, one ray each [default: 1024x640; 320x200 with --quick]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Interleaved repetitions, at least 6 for intervals of 95% [default: 9; 2 with --quick]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) repeat: Option<u32>,
+    /// Seconds after which no further repetition is begun; one is always measured [default without a trade: 600]
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) budget: Option<u32>,
+    /// Seed of samples, pixels and bounces
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Small pictures, few settings and repetitions: a look at the form, not a measurement
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Folder for tables, charts, raw numbers and report.html
+    #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
 

@@ -21,6 +21,7 @@ mod scene_source;
 mod shade;
 mod table;
 mod trace;
+mod tradeoff;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -38,6 +39,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => figure1::run(&args),
+        Command::Tradeoff(args) => tradeoff::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

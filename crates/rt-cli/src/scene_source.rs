@@ -27,6 +27,13 @@ pub(crate) struct Prepared {
     pub(crate) build_s: f64,
 }
 
+impl SceneArgs {
+    /// What to do with triangles that are not finite.
+    pub(crate) const fn invalid(&self) -> InvalidTriangles {
+        if self.drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse }
+    }
+}
+
 impl Prepared {
     /// The model's own view, else one that shows all of it: from outside, or from inside where it is a room.
     pub(crate) fn view(&self) -> View {
@@ -54,9 +61,8 @@ pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
     let load_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    let invalid = if args.drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse };
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
-    let options = BuildOptions { builder: args.builder, invalid, ..BuildOptions::default() };
+    let options = BuildOptions { builder: args.builder, invalid: args.invalid(), ..BuildOptions::default() };
     let built = rt_bvh::build(mesh, &options).with_context(|| format!("building the tree of {}", model.source))?;
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();

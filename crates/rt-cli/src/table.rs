@@ -30,6 +30,23 @@ impl Table {
     }
 }
 
+impl Table {
+    /// The table in Markdown.
+    pub(crate) fn to_markdown(&self) -> String {
+        let mut text = String::new();
+        for (index, row) in self.rows.iter().enumerate() {
+            // A bar would end the cell.
+            let cells: Vec<String> = row.iter().map(|cell| cell.replace('|', "\\|")).collect();
+            let _ = writeln!(text, "| {} |", cells.join(" | "));
+            if index == 0 {
+                let rule = |column| if self.is_words(column) { "---" } else { "---:" };
+                let _ = writeln!(text, "|{}|", (0..row.len()).map(rule).collect::<Vec<_>>().join("|"));
+            }
+        }
+        text
+    }
+}
+
 impl std::fmt::Display for Table {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -175,5 +192,6 @@ mod tests {
         let mut table = Table::new(&["a", "bb"]);
         table.row(vec!["long".to_owned(), "1".to_owned()]);
         assert_eq!(table.to_string(), "  a     bb\n  long   1\n");
+        assert_eq!(table.to_markdown(), "| a | bb |\n|---|---:|\n| long | 1 |\n");
     }
 }

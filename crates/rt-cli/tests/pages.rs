@@ -12,9 +12,10 @@ use std::process::Command;
 type Outcome = Result<(), Failed>;
 
 /// What writes a page: the command's arguments without `--out`.
-const PAGES: [(&str, &[&str]); 2] = [
+const PAGES: [(&str, &[&str]); 3] = [
     ("render", &["render", "car", "--size", "64x40", "--spp", "1", "--devices", "cpu:1"]),
     ("figure1", &["figure1", "car", "--size", "48x32", "--repeat", "2", "--task-sizes", "64,256", "--replay", "3"]),
+    ("tradeoff", &["tradeoff", "car", "--quick", "--size", "24x16", "--repeat", "1"]),
 ];
 
 fn main() {

@@ -19,6 +19,7 @@ pub(super) const SKY: Rgb = [0x56, 0xb4, 0xe9];
 pub(super) const GREEN: Rgb = [0x00, 0x9e, 0x73];
 pub(super) const VERMILION: Rgb = [0xd5, 0x5e, 0x00];
 pub(super) const PURPLE: Rgb = [0xcc, 0x79, 0xa7];
+pub(super) const YELLOW: Rgb = [0xf0, 0xe4, 0x42];
 
 // These are also what html/page.css turns over for dark mode.
 pub(super) const PAPER: Rgb = [0xff; 3];

@@ -13,6 +13,7 @@ use anyhow::{Context, Result, bail};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::{CameraRays, Device, Hit, RaySource, StreamKind, StreamSpec, morton};
+use rt_scene::Model;
 use rt_scene::streams::Spawner;
 use std::path::Path;
 use std::sync::Arc;
@@ -52,19 +53,34 @@ impl Subject {
 
     /// Traces a stream once.
     pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
-        if interrupt::requested() {
-            bail!("interrupted");
-        }
-        self.hits.clear();
-        self.hits.resize(stream.source.len() as usize, Hit::MISS);
-        let control = Control { cancel: Some(interrupt::flag()), progress: None };
-        Ok(self.balancer.trace(stream, scheduling, &mut self.hits, None, control)?)
+        trace(&mut self.balancer, stream, scheduling, &mut self.hits)
+    }
+
+    /// The triangles.
+    pub(crate) fn model(&self) -> &Model {
+        &self.prepared.model
     }
 
     /// Names of the devices.
     pub(crate) fn devices(&self) -> Vec<String> {
         self.balancer.devices().map(|device| device.name.clone()).collect()
     }
+}
+
+/// Traces a stream once; the hits are left in `hits`, whatever it held before.
+pub(crate) fn trace(
+    balancer: &mut Balancer,
+    stream: &Stream,
+    scheduling: &mut Scheduling,
+    hits: &mut Vec<Hit>,
+) -> Result<StreamRun> {
+    if interrupt::requested() {
+        bail!("interrupted");
+    }
+    hits.clear();
+    hits.resize(stream.source.len() as usize, Hit::MISS);
+    let control = Control { cancel: Some(interrupt::flag()), progress: None };
+    Ok(balancer.trace(stream, scheduling, hits, None, control)?)
 }
 
 /// The command line as one would type it.

@@ -1,0 +1,214 @@
+//! Trades: one quantity against another for many settings, and the front of those that no other beats in both.
+
+use super::axes::{LogAxis, frame, place};
+use super::canvas::Rgb;
+use super::sheet::{
+    BLUE, FAINT, GREEN, HPos, INK, Look, ORANGE, PALE, PURPLE, SKY, Sheet, VERMILION, YELLOW, text_room,
+};
+use anyhow::{Result, ensure};
+
+/// Everything a chart shows.
+#[derive(Clone, Debug)]
+pub struct Chart {
+    /// What is drawn.
+    pub title: String,
+    /// Up to three to a row.
+    pub panels: Vec<Panel>,
+}
+
+/// Two quantities, both on logarithmic axes.
+#[derive(Clone, Debug)]
+pub struct Panel {
+    /// What was measured.
+    pub title: String,
+    /// Titles of the axes, with units.
+    pub axes: [String; 2],
+    /// The settings. A name has one colour in all panels.
+    pub series: Vec<Series>,
+    /// A point from elsewhere to compare with, and its name.
+    pub reference: Option<([f64; 2], String)>,
+    /// Whether more is better, of each quantity; `None` to draw no front.
+    pub front: Option<[bool; 2]>,
+}
+
+/// Settings that belong together, such as one estimator's fractions.
+#[derive(Clone, Debug)]
+pub struct Series {
+    /// What they have in common.
+    pub name: String,
+    /// In order; those that are not positive and finite are left out.
+    pub points: Vec<[f64; 2]>,
+}
+
+const COLOURS: [Rgb; 8] = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, YELLOW, FAINT];
+
+/// Sizes in pixels.
+const WIDTH: f64 = 1200.0;
+const MARGIN: f64 = 28.0;
+const GUTTER: f64 = 30.0;
+const AXIS: f64 = 52.0;
+const SIDE: f64 = 290.0;
+const PANEL: f64 = 56.0 + SIDE + 54.0;
+const LEGEND: f64 = 22.0;
+const COLUMNS: usize = 3;
+
+/// Draws the chart as an SVG document.
+///
+/// # Errors
+/// When there is no panel.
+pub fn to_svg(chart: &Chart) -> Result<String> {
+    ensure!(!chart.panels.is_empty(), "a chart without panels has nothing to show");
+    let names = names(chart);
+    let places = legend_places(&names);
+    let legend_rows = places.last().map_or(0.0, |place| place.1 + 1.0);
+    let top = 54.0 + LEGEND * legend_rows + 10.0;
+    let rows = chart.panels.len().div_ceil(COLUMNS);
+    let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL);
+    sheet.text(chart.title.as_str(), (MARGIN, 30.0), Look::title());
+    for (index, (name, (x, row))) in names.iter().zip(places).enumerate() {
+        let y = 58.0 + LEGEND * row;
+        sheet.dot((x + 5.0, y), 4.5, COLOURS[index % COLOURS.len()]);
+        sheet.text(*name, (x + 16.0, y), Look { size: 12.5, ..Look::default() });
+    }
+    let width = (WIDTH - 2.0 * MARGIN - (COLUMNS - 1) as f64 * GUTTER) / COLUMNS as f64;
+    for (index, panel) in chart.panels.iter().enumerate() {
+        let left = MARGIN + (index % COLUMNS) as f64 * (width + GUTTER);
+        panel.draw(&mut sheet, left, top + (index / COLUMNS) as f64 * PANEL, &names);
+    }
+    sheet.to_svg()
+}
+
+/// Names of all series, in the order in which they first appear.
+fn names(chart: &Chart) -> Vec<&str> {
+    let mut names: Vec<&str> = Vec::new();
+    for series in chart.panels.iter().flat_map(|panel| &panel.series) {
+        if !names.contains(&series.name.as_str()) {
+            names.push(&series.name);
+        }
+    }
+    names
+}
+
+/// Where each entry of the legend stands: its left end, and its row.
+fn legend_places(names: &[&str]) -> Vec<(f64, f64)> {
+    let (mut x, mut row) = (MARGIN, 0.0);
+    let place = |name: &&str| {
+        let room = 16.0 + text_room(name, 12.5) + 18.0;
+        if x > MARGIN && x + room > WIDTH - MARGIN {
+            (x, row) = (MARGIN, row + 1.0);
+        }
+        let place = (x, row);
+        x += room;
+        place
+    };
+    names.iter().map(place).collect()
+}
+
+impl Series {
+    fn usable(&self) -> impl Iterator<Item = [f64; 2]> {
+        self.points.iter().copied().filter(|point| point.iter().all(|v| *v > 0.0 && v.is_finite()))
+    }
+}
+
+impl Panel {
+    fn draw(&self, sheet: &mut Sheet, left: f64, top: f64, names: &[&str]) {
+        sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
+        let (from, upper) = (left + AXIS, top + 56.0);
+        let reference = self.reference.as_ref().map(|(point, _)| *point);
+        let all = || self.series.iter().flat_map(Series::usable).chain(reference);
+        if all().next().is_none() {
+            sheet.text("nothing to show", (from, upper + SIDE / 2.0), Look::axis(HPos::Left));
+            return;
+        }
+        let x = LogAxis::over(all().map(|point| point[0]), from, from + SIDE);
+        let y = LogAxis::over(all().map(|point| point[1]), upper + SIDE, upper);
+        frame(sheet, &x, &y, [1.0; 2], [&self.axes[0], &self.axes[1]]);
+        if let Some(more) = self.front {
+            let points: Vec<[f64; 2]> = self.series.iter().flat_map(Series::usable).collect();
+            let line: Vec<_> = front(&points, more).into_iter().map(|point| place(&x, &y, point)).collect();
+            sheet.line(line, 7.0, PALE);
+        }
+        for series in &self.series {
+            let index = names.iter().position(|name| *name == series.name).unwrap_or(0);
+            let color = COLOURS[index % COLOURS.len()];
+            let places: Vec<_> = series.usable().map(|point| place(&x, &y, point)).collect();
+            for &place in &places {
+                sheet.dot(place, 4.0, color);
+            }
+            sheet.line(places, 1.2, color);
+        }
+        if let Some((point, name)) = &self.reference {
+            let (px, py) = place(&x, &y, *point);
+            for (dx, dy) in [(5.0, 5.0), (5.0, -5.0)] {
+                sheet.line([(px - dx, py - dy), (px + dx, py + dy)], 1.8, INK);
+            }
+            // On the side where there is room.
+            let (align, side) = if px > from + SIDE / 2.0 { (HPos::Right, -9.0) } else { (HPos::Left, 9.0) };
+            sheet.text(name.as_str(), (px + side, py - 10.0), Look { size: 12.0, align, ..Look::default() });
+        }
+    }
+}
+
+/// The points that no other beats in both quantities, by the first one; `more` says of each whether more is better.
+fn front(points: &[[f64; 2]], more: [bool; 2]) -> Vec<[f64; 2]> {
+    let sign = more.map(|more| if more { -1.0 } else { 1.0 });
+    let mut sorted = points.to_vec();
+    sorted.sort_by(|a, b| {
+        (sign[0] * a[0]).total_cmp(&(sign[0] * b[0])).then((sign[1] * a[1]).total_cmp(&(sign[1] * b[1])))
+    });
+    let mut best = f64::INFINITY;
+    sorted.retain(|point| {
+        let better = sign[1] * point[1] < best;
+        best = best.min(sign[1] * point[1]);
+        better
+    });
+    sorted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Mutants: `sign` forgotten in the second quantity; points that tie in the first kept twice; `<=` for `<`.
+        #[test]
+        fn the_front_is_what_nothing_beats(
+            points in prop::collection::vec((0_u8..9, 0_u8..9), 0..30), more: [bool; 2],
+        ) {
+            let points: Vec<[f64; 2]> = points.into_iter().map(|(a, b)| [f64::from(a), f64::from(b)]).collect();
+            let beats = |a: &[f64; 2], b: &[f64; 2]| {
+                let no_worse = |i: usize| if more[i] { a[i] >= b[i] } else { a[i] <= b[i] };
+                a != b && no_worse(0) && no_worse(1)
+            };
+            let front = front(&points, more);
+            for point in &points {
+                let beaten = points.iter().any(|other| beats(other, point));
+                prop_assert_eq!(front.contains(point), !beaten, "{:?} {:?}", point, front);
+            }
+            prop_assert!(front.windows(2).all(|pair| pair[0][0] != pair[1][0]));
+        }
+    }
+
+    #[test]
+    fn odd_points_are_left_out_and_long_legends_wrap() {
+        let series = |i: usize| Series {
+            name: format!("a rather long name of series {i}"),
+            points: vec![[1.0, 2.0], [f64::NAN, 1.0], [-1.0, 1.0], [3.0, f64::INFINITY]],
+        };
+        let panel = Panel {
+            title: "t".to_owned(),
+            axes: ["x".to_owned(), "y".to_owned()],
+            series: (0..12).map(series).collect(),
+            reference: Some(([1.0, 1.0], "paper".to_owned())),
+            front: Some([false, false]),
+        };
+        let empty = Panel { series: Vec::new(), reference: None, ..panel.clone() };
+        let chart = Chart { title: String::new(), panels: vec![panel, empty] };
+        let svg = to_svg(&chart).unwrap();
+        assert_eq!(svg.matches("<circle").count(), 24, "a dot for each series, and its entry in the legend");
+        assert!(svg.contains("paper") && svg.contains("nothing to show"));
+        assert!(legend_places(&names(&chart)).iter().all(|(x, _)| *x < WIDTH - MARGIN));
+        assert!(to_svg(&Chart { panels: Vec::new(), ..chart }).is_err());
+    }
+}
