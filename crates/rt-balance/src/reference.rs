@@ -92,8 +92,7 @@ impl Reference {
         report.lower_bound_s = Some(self.lower_bound_s);
         report.excess = metrics::excess(report.makespan_s, self.lower_bound_s);
         let estimated: Vec<f64> = run.work.iter().map(|work| f64::from(work.tests())).collect();
-        let mean = |estimated: &[f64], truth: &[f64]| Some(EstimateErrors::new(estimated, truth)?.mean_relative);
-        report.estimate.mre_counts = mean(&estimated, &self.tests);
+        report.estimate.mre_counts = EstimateErrors::new(&estimated, &self.tests).map(|errors| errors.mean_relative);
         report.estimate.mre_time = time.map(|errors| errors.mean_relative);
     }
 

@@ -59,7 +59,7 @@ impl LogAxis {
 /// A power of ten times a digit, without zeros that say nothing.
 fn label(tick: f64) -> String {
     match tick.log10() {
-        l if l >= 6.0 || l < -4.0 => format!("{tick:.0e}"),
+        l if !(-4.0..6.0).contains(&l) => format!("{tick:.0e}"),
         l => format!("{tick:.*}", (-l.floor()).max(0.0) as usize),
     }
 }

@@ -27,6 +27,8 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// A point from elsewhere to compare with, and its name.
     pub reference: Option<([f64; 2], String)>,
+    /// Values of the second quantity that are there without the first, drawn as lines across, and their names.
+    pub levels: Vec<(f64, String)>,
     /// Whether more is better, of each quantity; `None` to draw no front.
     pub front: Option<[bool; 2]>,
 }
@@ -116,17 +118,24 @@ impl Panel {
         let (from, upper) = (left + AXIS, top + 56.0);
         let reference = self.reference.as_ref().map(|(point, _)| *point);
         let all = || self.series.iter().flat_map(Series::usable).chain(reference);
+        let levels = || self.levels.iter().filter(|(value, _)| *value > 0.0 && value.is_finite());
         if all().next().is_none() {
             sheet.text("nothing to show", (from, upper + SIDE / 2.0), Look::axis(HPos::Left));
             return;
         }
         let x = LogAxis::over(all().map(|point| point[0]), from, from + SIDE);
-        let y = LogAxis::over(all().map(|point| point[1]), upper + SIDE, upper);
+        let heights = all().map(|point| point[1]).chain(levels().map(|level| level.0));
+        let y = LogAxis::over(heights, upper + SIDE, upper);
         frame(sheet, &x, &y, [1.0; 2], [&self.axes[0], &self.axes[1]]);
         if let Some(more) = self.front {
             let points: Vec<[f64; 2]> = self.series.iter().flat_map(Series::usable).collect();
             let line: Vec<_> = front(&points, more).into_iter().map(|point| place(&x, &y, point)).collect();
             sheet.line(line, 7.0, PALE);
+        }
+        for (value, name) in levels() {
+            let height = y.at(*value);
+            sheet.line([(from, height), (from + SIDE, height)], 1.0, FAINT);
+            sheet.text(name.as_str(), (from + SIDE, height - 8.0), Look::axis(HPos::Right));
         }
         for series in &self.series {
             let index = names.iter().position(|name| *name == series.name).unwrap_or(0);
@@ -201,13 +210,15 @@ mod tests {
             axes: ["x".to_owned(), "y".to_owned()],
             series: (0..12).map(series).collect(),
             reference: Some(([1.0, 1.0], "paper".to_owned())),
+            levels: vec![(0.5, "a level".to_owned()), (f64::NAN, "no level".to_owned())],
             front: Some([false, false]),
         };
         let empty = Panel { series: Vec::new(), reference: None, ..panel.clone() };
         let chart = Chart { title: String::new(), panels: vec![panel, empty] };
         let svg = to_svg(&chart).unwrap();
         assert_eq!(svg.matches("<circle").count(), 24, "a dot for each series, and its entry in the legend");
-        assert!(svg.contains("paper") && svg.contains("nothing to show"));
+        assert!(svg.contains("paper") && svg.contains("a level") && !svg.contains("no level"));
+        assert!(svg.contains("nothing to show"));
         assert!(legend_places(&names(&chart)).iter().all(|(x, _)| *x < WIDTH - MARGIN));
         assert!(to_svg(&Chart { panels: Vec::new(), ..chart }).is_err());
     }

@@ -156,12 +156,7 @@ impl Shape {
             Self::Text { text, at, look } => {
                 let weight = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
                 let font = ("sans-serif", units(look.size), weight).into_font().color(&rgb(look.color));
-                let align = match look.align {
-                    HPos::Left => HPos::Left,
-                    HPos::Center => HPos::Center,
-                    HPos::Right => HPos::Right,
-                };
-                area.draw(&Text::new(text.clone(), place(at), font.pos(Pos::new(align, VPos::Center))))
+                area.draw(&Text::new(text.clone(), place(at), font.pos(Pos::new(look.align, VPos::Center))))
             }
         }
     }

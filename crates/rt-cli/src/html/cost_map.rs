@@ -20,8 +20,16 @@ pub(super) struct CostMap<'a> {
     pub(super) size: [u32; 2],
     /// Rays per pixel.
     pub(super) samples: u32,
-    /// Each wave's run, its pixels (`x | y << 16`) and its estimated seconds on the measured scale.
-    pub(super) waves: Vec<(&'a StreamRun, &'a Arc<[u32]>, Vec<f64>)>,
+    pub(super) waves: Vec<Wave<'a>>,
+}
+
+/// A part of the picture that was traced as one stream.
+pub(super) struct Wave<'a> {
+    pub(super) run: &'a StreamRun,
+    /// Each `x | y << 16`.
+    pub(super) pixels: &'a Arc<[u32]>,
+    /// Estimated seconds of each task, on the measured scale.
+    pub(super) estimated: Vec<f64>,
 }
 
 impl CostMap<'_> {
@@ -60,7 +68,7 @@ impl CostMap<'_> {
         let mut waves = Vec::new();
         let pixels = self.size[0] as usize * self.size[1] as usize;
         let mut task_of = vec![u32::MAX; pixels];
-        for (run, pixels, _) in &self.waves {
+        for Wave { run, pixels, .. } in &self.waves {
             waves.push(first);
             for (all, own) in task_of.iter_mut().zip(tasks_per_pixel(self.size, pixels, self.samples, &run.tasks)) {
                 if own != u32::MAX {
@@ -69,8 +77,8 @@ impl CostMap<'_> {
             }
             first += run.tasks.len() as u32;
         }
-        let runs = || self.waves.iter().map(|(run, ..)| *run);
-        let estimated: Vec<f64> = self.waves.iter().flat_map(|(.., seconds)| seconds.iter().copied()).collect();
+        let runs = || self.waves.iter().map(|wave| wave.run);
+        let estimated: Vec<f64> = self.waves.iter().flat_map(|wave| wave.estimated.iter().copied()).collect();
         let measured: Vec<f64> = runs().flat_map(|run| run.measured_s.iter().copied()).collect();
         let left: Vec<u32> =
             runs().flat_map(|run| run.tasks.iter().zip(&run.kept).map(|(task, kept)| task.rays - kept)).collect();

@@ -97,6 +97,13 @@ impl Page {
         let _ = writeln!(self.body, "</tbody></table></div>");
     }
 
+    /// Adds a table so long that it is shown on request.
+    pub(crate) fn folded_table(&mut self, caption: &str, table: &Table) {
+        let _ = writeln!(self.body, "<details><summary>{}</summary>", escaped(caption));
+        self.table(caption, table);
+        let _ = writeln!(self.body, "</details>");
+    }
+
     /// Adds markup that is right already.
     fn markup(&mut self, markup: &str) {
         self.body.push_str(markup);

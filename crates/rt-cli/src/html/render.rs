@@ -1,7 +1,7 @@
 //! The page of `raybalance render`.
 
 use super::Page;
-use super::cost_map::CostMap;
+use super::cost_map::{CostMap, Wave};
 use crate::chart::{scatter, timeline};
 use crate::experiment::{Machine, command_line};
 use crate::report::Report;
@@ -98,7 +98,7 @@ impl Rendered<'_> {
     /// The first frame's primary rays.
     fn cost_map(&self) -> CostMap<'_> {
         let first = self.runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
-        let waves = first.zip(self.waves).map(|(run, pixels)| (run, pixels, (self.estimated)(run)));
+        let waves = first.zip(self.waves).map(|(run, pixels)| Wave { run, pixels, estimated: (self.estimated)(run) });
         CostMap { size: self.size, samples: self.samples, waves: waves.collect() }
     }
 

@@ -41,7 +41,7 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], page: &mut Page) -> Res
     let sweep = sweep_table(cells);
     page.table("The paper's numbers beside ours, in percent", &paper);
     page.paragraph(NOTES);
-    page.table("Every setting, medians in percent", &sweep);
+    page.folded_table("Every setting, medians in percent", &sweep);
     println!("samples against accuracy, in percent\n{paper}");
     let command = &setting.head.command;
     let markdown = format!(
@@ -82,6 +82,12 @@ fn chart(scene: &str, cells: &[Cell]) -> Chart {
         cells.iter().filter(|c| c.scene == scene && c.task_rays == size && c.sampler.is_some()).collect();
     let mut streams: Vec<&str> = shown.iter().map(|cell| cell.stream.as_str()).collect();
     streams.dedup();
+    // Regular tasks have an excess and no overhead.
+    let levels = |stream: &str| {
+        let regular = cells.iter().filter(|c| c.scene == scene && c.task_rays == size && c.sampler.is_none());
+        let own = regular.filter(|cell| cell.stream == stream);
+        own.map(|cell| (100.0 * cell.median(EXCESS_OF_3), cell.estimator.to_owned())).collect()
+    };
     let panel = |stream: &str, what: &str, axis: &str, metric: usize| {
         let own: Vec<&&Cell> = shown.iter().filter(|cell| cell.stream == stream).collect();
         let mut names: Vec<&str> = own.iter().map(|cell| cell.estimator).collect();
@@ -98,6 +104,7 @@ fn chart(scene: &str, cells: &[Cell]) -> Chart {
             axes: ["overhead, % of a plain trace".to_owned(), format!("{axis}, %")],
             series: names.iter().map(series).collect(),
             reference: (metric == COUNTS).then(paper),
+            levels: if metric == EXCESS_OF_3 { levels(stream) } else { Vec::new() },
             front: Some([false, false]),
         }
     };
@@ -177,7 +184,10 @@ fn sweep_table(cells: &[Cell]) -> Table {
     let header = ["scene", "rays", "task", "estimator", "sampler", "fraction"];
     let mut table = Table::new(&[&header[..], &METRICS].concat());
     for cell in cells {
-        let fraction = if cell.fraction > 0.0 { format!("1/{:.0}", 1.0 / cell.fraction) } else { "0".to_owned() };
+        let fraction = match cell.fraction {
+            f if f == 0.0 || f == 1.0 => format!("{f:.0}"),
+            f => format!("1/{:.0}", 1.0 / f),
+        };
         let mut row = vec![
             cell.scene.clone(),
             cell.stream.clone(),
