@@ -1,8 +1,8 @@
 //! Trees compared with the exact reference on whole scenes.
 
-use crate::rays::{Aim, RayMaker};
-use crate::reference::{Reference, Verdict};
-use crate::tree;
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::{Reference, Verdict};
+use rt_verify::tree;
 use rayon::prelude::*;
 use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
 

@@ -1,7 +1,7 @@
 //! Proptest strategies for triangles and rays.
 
-use crate::rays::{Aim, RayMaker};
-use crate::shapes;
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::shapes;
 use glam::Vec3;
 use proptest::collection::vec;
 use proptest::prelude::*;

@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
 use rt_bvh::Builder;
+use rt_core::Precision;
 use std::path::PathBuf;
 
 /// Trace a scene over several devices, balanced by estimated cost.
@@ -16,6 +17,7 @@ use std::path::PathBuf;
   raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
   raybalance render room.obj --queue central --estimator uniform --reference
   raybalance trace room.obj --rays rays.npy --hits hits.npy
+  raybalance verify --backend cpu,vulkan:0
 
 Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.")]
 pub(crate) struct Cli {
@@ -29,6 +31,8 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Trace rays from a NumPy file and write the hits to another
     Trace(Box<TraceArgs>),
+    /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices
+    Verify(VerifyArgs),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -169,6 +173,37 @@ pub(crate) struct TraceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
+pub(crate) struct VerifyArgs {
+    /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Triangle tests that are to keep the promises; fast is known not to
+    #[arg(long, value_enum, default_value_t = PrecisionArg::Robust)]
+    pub(crate) precision: PrecisionArg,
+    /// Under a minute on two cores; the default
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// 10^8 rays at closed surfaces, 10^7 spawned rays, 2^24 triangles
+    #[arg(long, conflicts_with = "quick")]
+    pub(crate) full: bool,
+    /// Rays of each line about closed surfaces, with which the other lines scale [default: 210,000; 6,720,000 with --full]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of rays and meshes
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {
     /// Watertight: single precision, doubtful cases decided in double
@@ -177,6 +212,16 @@ pub(crate) enum PrecisionArg {
     Fast,
     /// Double precision throughout
     F64,
+}
+
+impl From<PrecisionArg> for Precision {
+    fn from(arg: PrecisionArg) -> Self {
+        match arg {
+            PrecisionArg::Robust => Self::Robust,
+            PrecisionArg::Fast => Self::Fast,
+            PrecisionArg::F64 => Self::Double,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -18,6 +18,7 @@ mod scene_source;
 mod shade;
 mod table;
 mod trace;
+mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -34,6 +35,7 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

@@ -12,7 +12,7 @@ use rt_bvh::Builder;
 use rt_core::{Precision, Query};
 use rt_tests::parity::Exam;
 use rt_tests::scenes::{self, RealScene};
-use rt_tests::tree;
+use rt_verify::tree;
 use std::process::ExitCode;
 use std::time::Instant;
 

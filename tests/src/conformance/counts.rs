@@ -3,7 +3,7 @@
 use super::Case;
 use super::fixtures;
 use super::session::{Session, ensure, same_hits};
-use crate::tree;
+use rt_verify::tree;
 use rt_core::{Device, Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
 
 pub(super) const CASES: &[Case] = &[

@@ -3,9 +3,9 @@
 use super::Case;
 use super::fixtures::{self, Fixture};
 use super::session::{Session, ensure, same_hits};
-use crate::rays::{Aim, RayMaker};
-use crate::reference::Reference;
-use crate::{brute, shapes};
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::Reference;
+use rt_verify::{brute, shapes};
 use glam::Vec3;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
 

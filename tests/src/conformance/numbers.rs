@@ -3,8 +3,8 @@
 use super::Case;
 use super::fixtures::{self, Fixture};
 use super::session::{Session, ensure, same_hits};
-use crate::rays::RayMaker;
-use crate::shapes;
+use rt_verify::rays::RayMaker;
+use rt_verify::shapes;
 use glam::Vec3;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
 

@@ -6,6 +6,7 @@
 
 use crate::brute;
 use crate::exact::{self, Contact, EDGE_TOLERANCE};
+use core::fmt;
 use glam::DVec3;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray, Triangle};
@@ -32,6 +33,34 @@ pub enum Verdict {
     },
 }
 
+/// Most candidates that are written out.
+const SHOWN: usize = 3;
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (candidates, may_miss) = match self {
+            Self::Unambiguous(None) => return f.write_str("it must miss"),
+            Self::Unambiguous(Some(nearest)) => return write!(f, "it must hit {nearest}"),
+            Self::Ambiguous { candidates, may_miss } => (candidates, may_miss),
+        };
+        write!(f, "it may hit ")?;
+        for (i, candidate) in candidates.iter().take(SHOWN).enumerate() {
+            write!(f, "{}{candidate}", if i == 0 { "" } else { ", " })?;
+        }
+        let more = candidates.len().saturating_sub(SHOWN);
+        if more > 0 {
+            write!(f, " or {more} others")?;
+        }
+        f.write_str(if *may_miss { ", or miss" } else { "" })
+    }
+}
+
+impl fmt::Display for Nearest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {:e} to {:e}", self.primitive, self.t[0], self.t[1])
+    }
+}
+
 /// A triangle that may be reported, and the distances that may be reported with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
@@ -53,6 +82,17 @@ impl Verdict {
             Self::Unambiguous(Some(nearest)) => fits(nearest),
             Self::Ambiguous { candidates, may_miss } => {
                 candidates.iter().any(fits) || (*may_miss && primitive == u32::MAX)
+            }
+        }
+    }
+
+    /// [`Verdict::admits`] without a look at the distance.
+    #[must_use]
+    pub fn admits_primitive(&self, primitive: u32) -> bool {
+        match self {
+            Self::Unambiguous(nearest) => nearest.map_or(u32::MAX, |n| n.primitive) == primitive,
+            Self::Ambiguous { candidates, may_miss } => {
+                candidates.iter().any(|n| n.primitive == primitive) || (*may_miss && primitive == u32::MAX)
             }
         }
     }
