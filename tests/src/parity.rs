@@ -1,10 +1,10 @@
 //! Trees compared with the exact reference on whole scenes.
 
+use rayon::prelude::*;
+use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::{Reference, Verdict};
 use rt_verify::tree;
-use rayon::prelude::*;
-use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
 
 /// Rays that share a pass over the triangles: enough that reading these from memory does not count.
 const BATCH: usize = 32;

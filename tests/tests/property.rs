@@ -4,9 +4,9 @@ use glam::Vec3;
 use proptest::prelude::*;
 use rt_bvh::Builder;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, StreamSpec, Walk};
+use rt_tests::strategy;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::{Reference, Verdict};
-use rt_tests::strategy;
 use rt_verify::{brute, exact, shapes, tree};
 
 proptest! {

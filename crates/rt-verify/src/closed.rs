@@ -329,7 +329,8 @@ fn points_inside(triangles: &[Triangle], seed: u32) -> Vec<Vec3> {
 fn is_inside(reference: &Reference<'_>, triangles: &[Triangle], point: Vec3, seed: u32) -> bool {
     let direction = rays::sphere(random::pair(seed, 0, 9));
     let ahead = |t: &&f32| **t > 0.0;
-    crossings(reference, triangles, &Ray::new(point, direction)).is_some_and(|t| t.iter().filter(ahead).count() % 2 == 1)
+    crossings(reference, triangles, &Ray::new(point, direction))
+        .is_some_and(|t| t.iter().filter(ahead).count() % 2 == 1)
 }
 
 /// Where a line crosses the surface, in order; `None` where that is doubtful.

@@ -10,6 +10,7 @@ use core::fmt;
 use glam::DVec3;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray, Triangle};
+use std::collections::HashSet;
 
 /// How far a reported `t` may lie from the exact one beyond the tolerances of [`crate::exact`], in units of its last
 /// place. Rounding to single precision moves it by half a unit; the rest allows one more single-precision operation.
@@ -229,10 +230,12 @@ pub fn resolve(ray: &Ray, triangles: &[Triangle]) -> Verdict {
 fn nearest_of(candidates: &[Nearest], triangles: &[Triangle]) -> Verdict {
     let sure = candidates.iter().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
     let mut nearest: Vec<Nearest> = Vec::new();
+    let mut seen = HashSet::new();
     for candidate in candidates.iter().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
-        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win.
-        let triangle = &triangles[candidate.primitive as usize];
-        if nearest.iter().all(|n| triangles[n.primitive as usize] != *triangle) {
+        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win. Adding
+        // zero makes the two zeros one.
+        let corners = triangles[candidate.primitive as usize].vertices();
+        if seen.insert(corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()))) {
             nearest.push(*candidate);
         }
     }

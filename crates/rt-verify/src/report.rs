@@ -55,7 +55,18 @@ impl Row {
             _ => Verdict::Fail,
         };
         let rate = if trials == 0 { 0.0 } else { failures as f64 / trials as f64 };
-        Self { case, what, promise, trials, failures, rate, bounds: clopper_pearson(failures, trials), verdict, note, seconds }
+        Self {
+            case,
+            what,
+            promise,
+            trials,
+            failures,
+            rate,
+            bounds: clopper_pearson(failures, trials),
+            verdict,
+            note,
+            seconds,
+        }
     }
 }
 
@@ -82,6 +93,9 @@ impl DeviceReport {
     /// Failures and trials of all lines that stand for a promise.
     #[must_use]
     pub fn of(&self, promise: Promise) -> (u64, u64) {
-        self.rows.iter().filter(|row| row.promise == promise).fold((0, 0), |(f, t), row| (f + row.failures, t + row.trials))
+        self.rows
+            .iter()
+            .filter(|row| row.promise == promise)
+            .fold((0, 0), |(f, t), row| (f + row.failures, t + row.trials))
     }
 }

@@ -139,7 +139,8 @@ mod tests {
     // Tables of exact binomial limits. Fails when k and k + 1 are exchanged or a tail gets the whole of 5%.
     #[test]
     fn bounds_of_rates_are_those_of_the_tables() {
-        for (k, n, low, high) in [(1, 10, 0.002_529, 0.445_02), (5, 10, 0.187_09, 0.812_91), (50, 100, 0.398_32, 0.601_68)]
+        for (k, n, low, high) in
+            [(1, 10, 0.002_529, 0.445_02), (5, 10, 0.187_09, 0.812_91), (50, 100, 0.398_32, 0.601_68)]
         {
             let [l, h] = clopper_pearson(k, n);
             assert!(close(l, low) && close(h, high), "{k} of {n}: {l} to {h}");

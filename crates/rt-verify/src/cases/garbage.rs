@@ -45,8 +45,7 @@ const KINDS: [(Kind, &str); 4] = [
 ];
 
 /// What [`Kind::Poor`] draws from.
-const POOR: [f32; 10] =
-    [0.0, -0.0, 1.0, -1.0, 1e-45, f32::MIN_POSITIVE, f32::MAX, f32::MIN, f32::NAN, f32::INFINITY];
+const POOR: [f32; 10] = [0.0, -0.0, 1.0, -1.0, 1e-45, f32::MIN_POSITIVE, f32::MAX, f32::MIN, f32::NAN, f32::INFINITY];
 
 fn word(seed: u32, index: u32, dimension: u32) -> u32 {
     random::pcg3d([seed, index, dimension])[0]
@@ -129,16 +128,11 @@ fn one(trial: &Trial<'_>, kind: Kind, number: u32, refused: &mut u32) -> Option<
     let (positions, indices) = mesh(kind, seed, number);
     let finite = positions.iter().all(|p| p.is_finite());
     let in_range = indices.iter().flatten().all(|&i| (i as usize) < positions.len());
-    let used_finite = finite
-        || !in_range
-        || indices.iter().flatten().all(|&i| positions[i as usize].is_finite());
+    let used_finite = finite || !in_range || indices.iter().flatten().all(|&i| positions[i as usize].is_finite());
     let (positions, indices): (Arc<[Vec3]>, Arc<[[u32; 3]]>) = (positions.into(), indices.into());
     let builders = rt_bvh::Builder::ALL;
-    let options = |invalid| BuildOptions {
-        builder: builders[number as usize % builders.len()],
-        invalid,
-        max_leaf: number % 9,
-    };
+    let options =
+        |invalid| BuildOptions { builder: builders[number as usize % builders.len()], invalid, max_leaf: number % 9 };
     // By default such meshes are refused, with the reason.
     match build(Arc::clone(&positions), Arc::clone(&indices), options(InvalidTriangles::Refuse)) {
         Outcome::Built(_) if !in_range => return Some("an index that leads nowhere was accepted".to_owned()),
@@ -183,7 +177,11 @@ fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built) -> Option<Str
         };
         let sane = |hit: &Hit, ray: &Ray| {
             *hit == Hit::MISS
-                || (ray.is_valid() && hit.primitive < count && ray.tmin <= hit.t && hit.t <= ray.tmax && hit.t.is_finite())
+                || (ray.is_valid()
+                    && hit.primitive < count
+                    && ray.tmin <= hit.t
+                    && hit.t <= ray.tmax
+                    && hit.t.is_finite())
         };
         if let Some((hit, (ray, _))) = hits.iter().zip(&rays).find(|(hit, (ray, _))| !sane(hit, ray)) {
             return Some(format!("{query:?}: {ray:?}: {hit:?}"));

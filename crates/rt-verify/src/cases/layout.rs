@@ -8,7 +8,7 @@ use crate::trial::Trial;
 use crate::{Promise, shapes, tree};
 use glam::Vec3;
 use rt_bvh::Builder;
-use rt_core::{Aabb, Child, Scene, Triangle};
+use rt_core::{Aabb, Child, Node, Triangle};
 
 pub(super) const NAME: &str = "containment";
 
@@ -32,7 +32,7 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
         for builder in builders {
             trial.advance(i as f64 / meshes.len() as f64)?;
             if let Some(scene) = built(tree::build(triangles, builder), &mut tally) {
-                boxes(&scene, &format!("{name}, {builder}"), &mut tally);
+                boxes(scene.nodes(), scene.triangles(), &format!("{name}, {builder}"), &mut tally);
             }
         }
     }
@@ -41,16 +41,16 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     Ok(())
 }
 
-/// Compares every child's box with what lies below it, without the check that [`Scene::new`] makes itself.
-fn boxes(scene: &Scene, name: &str, tally: &mut Tally) {
+/// Compares every child's box with what lies below it, apart from the check that [`rt_core::Scene::new`] makes itself.
+fn boxes(nodes: &[Node], triangles: &[Triangle], name: &str, tally: &mut Tally) {
     // Children come after their parents, so what is below is known when walking backwards.
-    let mut below = vec![Aabb::EMPTY; scene.nodes().len()];
-    for (index, node) in scene.nodes().iter().enumerate().rev() {
+    let mut below = vec![Aabb::EMPTY; nodes.len()];
+    for (index, node) in nodes.iter().enumerate().rev() {
         for side in 0..2 {
             let content = match node.child(side) {
                 Child::Absent => continue,
                 Child::Inner(child) => below[child as usize],
-                Child::Leaf { first, count } => scene.triangles()[first as usize..][..count as usize]
+                Child::Leaf { first, count } => triangles[first as usize..][..count as usize]
                     .iter()
                     .map(Triangle::bounds)
                     .fold(Aabb::EMPTY, Aabb::union),
@@ -69,4 +69,27 @@ fn quantised() -> Row {
     let mut tally = Tally::new(NAME, "quantised boxes", Promise::Containment);
     tally.note("this build has no layout with quantised boxes");
     tally.row()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Verdict;
+
+    // Fails when only leaves are looked at, or only one side.
+    #[test]
+    fn a_box_that_is_a_step_too_small_is_found() {
+        let scene = tree::build(&shapes::soup(200, 0.3, 1), Builder::Sah).expect("a good mesh");
+        let verdict = |nodes: &[Node]| {
+            let mut tally = Tally::new(NAME, "", Promise::Containment);
+            boxes(nodes, scene.triangles(), "", &mut tally);
+            tally.row().verdict
+        };
+        assert_eq!(verdict(scene.nodes()), Verdict::Pass);
+        for (index, side) in [(0, 0), (0, 1), (scene.nodes().len() - 1, 1)] {
+            let mut nodes = scene.nodes().to_vec();
+            nodes[index].bounds[side].max.y = nodes[index].bounds[side].max.y.next_down();
+            assert_eq!(verdict(&nodes), Verdict::Fail, "node {index}, side {side}");
+        }
+    }
 }

@@ -68,9 +68,8 @@ pub(super) fn invalid(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stop
         }
     }
     let few = bad.len().min(10_000);
-    let counted = trial.open(&scene).and_then(|mut session| {
-        Ok([session.counts(&bad[..few])?, session.counts(&good[..few])?])
-    });
+    let counted =
+        trial.open(&scene).and_then(|mut session| Ok([session.counts(&bad[..few])?, session.counts(&good[..few])?]));
     match counted {
         Ok(counts) => {
             let [bad, good] = counts.map(|c| c.iter().map(|c| f64::from(c.boxes + c.triangles)).sum::<f64>());

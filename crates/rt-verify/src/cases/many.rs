@@ -42,9 +42,8 @@ fn renumbered(trial: &Trial<'_>) -> Row {
     let mut tally = Tally::new(NAME, "renumbered to 2^24 and 2^32", Promise::Agreement);
     let triangles = shapes::grid(SIDE, 0.0, 0);
     let Some(scene) = built(tree::build(&triangles, trial.options().builder), &mut tally) else { return tally.row() };
-    let rays: Vec<(Ray, u32)> = (0..2 * SIDE * SIDE)
-        .map(|id| (down([id / 2 % SIDE, id / 2 / SIDE], [SIDE; 2], id % 2), u32::MAX))
-        .collect();
+    let rays: Vec<(Ray, u32)> =
+        (0..2 * SIDE * SIDE).map(|id| (down([id / 2 % SIDE, id / 2 / SIDE], [SIDE; 2], id % 2), u32::MAX)).collect();
     for first in FIRST {
         let parts = SceneParts {
             nodes: scene.nodes().to_vec(),
@@ -87,7 +86,8 @@ fn built_for_real(trial: &Trial<'_>) -> Row {
     let count = indices.len() as u32;
     drop((positions, indices));
     // A stride without common factor, and the last ones.
-    let ids: Vec<u32> = (0..100_000_u32).map(|i| (u64::from(i) * 7_919 % u64::from(count)) as u32).chain(count - 1000..count).collect();
+    let ids: Vec<u32> =
+        (0..100_000_u32).map(|i| (u64::from(i) * 7_919 % u64::from(count)) as u32).chain(count - 1000..count).collect();
     let ray = |id: u32| (down([id / 2 % columns, id / 2 / columns], MANY, id % 2), u32::MAX);
     let rays: Vec<_> = ids.iter().map(|&id| ray(id)).collect();
     match trial.trace(&scene, &rays, Query::Closest) {

@@ -60,7 +60,9 @@ fn judge_primitives(trial: &Trial<'_>, exam: &Exam, tally: &mut Tally) {
 
 fn count_primitives(exam: &Exam, hits: &[Hit], tally: &mut Tally) {
     for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {
-        tally.check(verdict.admits_primitive(hit.primitive), || format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name));
+        tally.check(verdict.admits_primitive(hit.primitive), || {
+            format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name)
+        });
     }
 }
 

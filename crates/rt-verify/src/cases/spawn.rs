@@ -74,14 +74,7 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     Ok(())
 }
 
-fn line(
-    trial: &Trial<'_>,
-    surface: &Surface,
-    what: String,
-    each: u32,
-    start: f64,
-    share: f64,
-) -> Result<Row, Stopped> {
+fn line(trial: &Trial<'_>, surface: &Surface, what: String, each: u32, start: f64, share: f64) -> Result<Row, Stopped> {
     let mut tally = Tally::new(NAME, what, Promise::SelfHits);
     let triangles: Vec<Triangle> =
         (0..surface.model.indices.len() as u32).filter_map(|i| surface.model.triangle(i)).collect();
