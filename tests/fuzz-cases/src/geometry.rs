@@ -75,12 +75,7 @@ fn check(scene: &Scene, rays: &[(Ray, u32)], positions: &[Vec3], indices: &[[u32
     closest
 }
 
-fn trace(
-    scene: &Scene,
-    rays: &[(Ray, u32)],
-    query: Query,
-    precision: Precision,
-) -> (Vec<Hit>, Vec<TestCounts>) {
+fn trace(scene: &Scene, rays: &[(Ray, u32)], query: Query, precision: Precision) -> (Vec<Hit>, Vec<TestCounts>) {
     let spec = StreamSpec { query, precision, counts: true };
     let (mut hits, mut counts) = (Vec::new(), Vec::new());
     rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays.iter().copied(), |hit, count| {
