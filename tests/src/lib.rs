@@ -5,6 +5,7 @@
 //! * [`shapes`], [`rays`], [`scenes`]: triangles and rays that make trouble, and real scenes.
 //! * [`strategy`]: the same for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.
+//! * [`peers`]: Embree and obvhs behind our traits.
 //! * [`fake`]: a correct device without hardware, and flawed ones that the suite must find out.
 //!
 //! # Current state and limits
@@ -20,6 +21,7 @@ pub mod conformance;
 pub mod exact;
 pub mod fake;
 pub mod parity;
+pub mod peers;
 pub mod rays;
 pub mod reference;
 pub mod scenes;

@@ -25,7 +25,7 @@ mod library;
 mod mesh;
 mod types;
 
-pub use filter::without;
+pub use filter::{Occluder, without};
 pub use functions::*;
 pub use library::{LoadError, VARIABLE, version};
 pub use mesh::{Mesh, MeshError};

@@ -1,6 +1,6 @@
 //! A scene of one triangle mesh, safe to use: what `embree4-rs` has no calls for.
 
-use crate::filter::FilterContext;
+use crate::filter::{FilterContext, Occluder};
 use crate::functions::*;
 use crate::library::{LoadError, version};
 use crate::types::*;
@@ -172,14 +172,14 @@ impl Mesh {
     }
 
     /// Any triangle that the ray hits, `skip` left out. The scene must have the flag
-    /// [`RTCSceneFlags::FILTER_FUNCTION_IN_ARGUMENTS`]; without it, none is named.
+    /// [`RTCSceneFlags::FILTER_FUNCTION_IN_ARGUMENTS`]; without it, none is found.
     #[must_use]
-    pub fn occluder(&self, mut ray: RTCRay, skip: u32) -> Option<u32> {
+    pub fn occluder(&self, mut ray: RTCRay, skip: u32) -> Option<Occluder> {
         let mut context = FilterContext::new(skip);
         let mut arguments = context.arguments();
         // SAFETY: the scene is committed; context and arguments outlive the query.
         unsafe { rtcOccluded1(self.scene.0, &raw mut ray, &raw mut arguments) };
-        (ray.tfar == f32::NEG_INFINITY).then_some(context.last)
+        if ray.tfar == f32::NEG_INFINITY { context.last } else { None }
     }
 }
 
