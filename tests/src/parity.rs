@@ -1,16 +1,29 @@
-//! Trees compared with the exact reference on whole scenes.
+//! Trees, devices and peers compared with the exact reference on whole scenes.
 
+use crate::conformance::clock;
+use crate::judge::{Tally, judge};
 use crate::rays::{Aim, RayMaker};
 use crate::reference::{Reference, Verdict};
 use crate::tree;
 use rayon::prelude::*;
-use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
+use rt_core::{
+    Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
+    tasks_of,
+};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Rays of one task: enough for several threads to share a launch.
+const TASK: u32 = 1024;
+
+/// The longest a device may take for all rays: a software rasteriser on a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(600);
 
 /// Rays that share a pass over the triangles: enough that reading these from memory does not count.
 const BATCH: usize = 32;
 
-/// The aims of rays 0 to 11, and of every twelve after; `None` is a camera ray. Half are aimed at triangles; a third are
-/// random in the sense that nothing makes them pass near an edge.
+/// The aims of rays 0 to 11, and of every twelve after; `None` is a camera ray. A third are random in the sense that
+/// nothing makes them pass near an edge.
 const AIMS: [Option<Aim>; 12] = [
     Some(Aim::Interior),
     Some(Aim::Random),
@@ -20,7 +33,7 @@ const AIMS: [Option<Aim>; 12] = [
     Some(Aim::Diffuse),
     Some(Aim::Interior),
     Some(Aim::Random),
-    Some(Aim::Interior),
+    Some(Aim::Shadow),
     None,
     Some(Aim::Vertex),
     Some(Aim::Axis),
@@ -61,6 +74,45 @@ pub struct Marks {
     pub first: Option<String>,
 }
 
+/// How a tracer in single precision did.
+#[derive(Clone, Debug, Default)]
+pub struct Judgement {
+    /// On all rays.
+    pub all: Tally,
+    /// On random rays: see [`Ambiguity::random`].
+    pub random: Tally,
+}
+
+/// Whether nothing makes ray `index` pass near an edge.
+fn is_random(index: usize) -> bool {
+    matches!(AIMS[index % AIMS.len()], None | Some(Aim::Random))
+}
+
+/// Traces rays, each with the primitive it starts on (`u32::MAX`: none), on a device in one launch.
+///
+/// # Errors
+/// The device's message.
+pub fn trace_all(
+    device: &dyn Device,
+    scene: &Arc<Scene>,
+    rays: &[(Ray, u32)],
+    spec: StreamSpec,
+) -> Result<Vec<Hit>, String> {
+    let named = |e: rt_core::DeviceError| format!("{}: {e}", device.info().name);
+    let mut tracer = device.tracer(Arc::clone(scene), clock).map_err(named)?;
+    let (rays, origins): (Vec<Ray>, Vec<u32>) = rays.iter().copied().unzip();
+    let tasks = tasks_of(rays.len() as u32, TASK);
+    let expected = rays.len();
+    tracer.load_rays(RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) }, spec).map_err(named)?;
+    let ticket = tracer.submit(&tasks, None).map_err(named)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch).map_err(named)?;
+    if launch.hits.len() != expected {
+        return Err(format!("{}: {} hits of {expected} rays", device.info().name, launch.hits.len()));
+    }
+    Ok(launch.hits)
+}
+
 impl<'a> Exam<'a> {
     /// Makes `rays` rays and resolves them, on all cores.
     #[must_use]
@@ -91,7 +143,7 @@ impl<'a> Exam<'a> {
     pub fn ambiguity(&self) -> Ambiguity {
         let mut found = Ambiguity::default();
         for (i, (verdict, _)) in self.answers.iter().enumerate() {
-            let random = usize::from(matches!(AIMS[i % AIMS.len()], None | Some(Aim::Random)));
+            let random = usize::from(is_random(i));
             found.random += random;
             if verdict.is_ambiguous() {
                 found.all += 1;
@@ -111,8 +163,22 @@ impl<'a> Exam<'a> {
         let spec = StreamSpec { query, precision, counts: false };
         let hits: Vec<Hit> =
             self.rays.par_chunks(1024).flat_map_iter(|rays| tree::trace(scene, spec, rays).0).collect();
+        self.mark_hits(&hits, query)
+    }
+
+    /// Puts the rays to a device.
+    ///
+    /// # Errors
+    /// The device's message.
+    pub fn ask(&self, device: &dyn Device, scene: &Arc<Scene>, spec: StreamSpec) -> Result<Vec<Hit>, String> {
+        trace_all(device, scene, &self.rays, spec)
+    }
+
+    /// Marks the answers, in the order of the rays, of a tracer that must give the defined numbers.
+    #[must_use]
+    pub fn mark_hits(&self, hits: &[Hit], query: Query) -> Marks {
         let mut marks = Marks { hits: hits.iter().filter(|hit| hit.is_hit()).count(), ..Marks::default() };
-        for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(&hits) {
+        for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(hits) {
             let right = self.is_defined(ray, hit)
                 && match query {
                     Query::Closest => verdict.admits(hit.primitive, hit.t),
@@ -121,13 +187,29 @@ impl<'a> Exam<'a> {
             if !right {
                 marks.disagreements += 1;
                 marks.first.get_or_insert_with(|| {
-                    format!("{query:?}, {precision:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
+                    format!("{query:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
                 });
             } else if query == Query::Closest && hit != brute {
                 marks.other_choices += 1;
             }
         }
         marks
+    }
+
+    /// Judges the answers, in the order of the rays, of a tracer that works in single precision; `random` rays alone are
+    /// tallied beside all.
+    #[must_use]
+    pub fn judge(&self, hits: &[Hit], query: Query) -> Judgement {
+        let mut judgement = Judgement::default();
+        for (i, (((ray, origin), (verdict, _)), hit)) in self.rays.iter().zip(&self.answers).zip(hits).enumerate() {
+            let finding = judge(self.triangles, ray, *origin, query, verdict, hit);
+            let describe = || format!("{query:?}, {ray:?}: {hit:?}, {finding:?}, but {verdict:?}");
+            judgement.all.add(finding, describe);
+            if is_random(i) {
+                judgement.random.add(finding, describe);
+            }
+        }
+        judgement
     }
 
     /// Whether a hit's numbers are those of its triangle.
