@@ -53,7 +53,7 @@ pub struct Exam<'a> {
 pub struct Ambiguity {
     /// Ambiguous rays of all aims; those aimed at edges and vertices are meant to be.
     pub all: usize,
-    /// Rays that nothing aims at edges: random segments and camera rays.
+    /// Rays that nothing aims at edges: see [`Kind::is_random`].
     pub random: usize,
     /// Those of them that meet two triangles at nearly one distance: a property of the scene.
     pub random_ties: usize,
@@ -74,18 +74,59 @@ pub struct Marks {
     pub first: Option<String>,
 }
 
-/// How a tracer in single precision did.
-#[derive(Clone, Debug, Default)]
-pub struct Judgement {
-    /// On all rays.
-    pub all: Tally,
-    /// On random rays: see [`Ambiguity::random`].
-    pub random: Tally,
+/// What a ray stands for, coarser than its [`Aim`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// From the camera; a random segment where there is none.
+    Primary,
+    /// To a light.
+    Shadow,
+    /// Off a surface.
+    Diffuse,
+    /// Random segments.
+    Random,
+    /// At the inside of a triangle.
+    Interior,
+    /// At edges and vertices, and along the axes.
+    Adversarial,
 }
 
-/// Whether nothing makes ray `index` pass near an edge.
-fn is_random(index: usize) -> bool {
-    matches!(AIMS[index % AIMS.len()], None | Some(Aim::Random))
+impl Kind {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 6] =
+        [Self::Primary, Self::Shadow, Self::Diffuse, Self::Random, Self::Interior, Self::Adversarial];
+
+    /// The kind of ray `index` of an [`Exam`].
+    #[must_use]
+    pub const fn of(index: usize) -> Self {
+        match AIMS[index % AIMS.len()] {
+            None => Self::Primary,
+            Some(Aim::Shadow) => Self::Shadow,
+            Some(Aim::Diffuse) => Self::Diffuse,
+            Some(Aim::Random) => Self::Random,
+            Some(Aim::Interior) => Self::Interior,
+            Some(Aim::Edge | Aim::Vertex | Aim::Axis) => Self::Adversarial,
+        }
+    }
+
+    /// Whether nothing makes such rays pass near an edge.
+    #[must_use]
+    pub const fn is_random(self) -> bool {
+        matches!(self, Self::Primary | Self::Random)
+    }
+
+    /// The name that reports use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::Shadow => "shadow",
+            Self::Diffuse => "diffuse",
+            Self::Random => "random",
+            Self::Interior => "interior",
+            Self::Adversarial => "adversarial",
+        }
+    }
 }
 
 /// Traces rays, each with the primitive it starts on (`u32::MAX`: none), on a device in one launch.
@@ -143,7 +184,7 @@ impl<'a> Exam<'a> {
     pub fn ambiguity(&self) -> Ambiguity {
         let mut found = Ambiguity::default();
         for (i, (verdict, _)) in self.answers.iter().enumerate() {
-            let random = usize::from(is_random(i));
+            let random = usize::from(Kind::of(i).is_random());
             found.random += random;
             if verdict.is_ambiguous() {
                 found.all += 1;
@@ -196,20 +237,17 @@ impl<'a> Exam<'a> {
         marks
     }
 
-    /// Judges the answers, in the order of the rays, of a tracer that works in single precision; `random` rays alone are
-    /// tallied beside all.
+    /// Judges the answers, in the order of the rays, of a tracer that works in single precision: one tally for each of
+    /// [`Kind::ALL`].
     #[must_use]
-    pub fn judge(&self, hits: &[Hit], query: Query) -> Judgement {
-        let mut judgement = Judgement::default();
+    pub fn judge(&self, hits: &[Hit], query: Query) -> [Tally; Kind::ALL.len()] {
+        let mut tallies = [const { Tally::new() }; Kind::ALL.len()];
         for (i, (((ray, origin), (verdict, _)), hit)) in self.rays.iter().zip(&self.answers).zip(hits).enumerate() {
             let finding = judge(self.triangles, ray, *origin, query, verdict, hit);
             let describe = || format!("{query:?}, {ray:?}: {hit:?}, {finding:?}, but {verdict:?}");
-            judgement.all.add(finding, describe);
-            if is_random(i) {
-                judgement.random.add(finding, describe);
-            }
+            tallies[Kind::of(i) as usize].add(finding, describe);
         }
-        judgement
+        tallies
     }
 
     /// Whether a hit's numbers are those of its triangle.
