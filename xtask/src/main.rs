@@ -3,6 +3,8 @@
 
 mod apt;
 mod command;
+mod embree;
+mod files;
 mod no_std;
 mod scenes;
 mod setup;
@@ -28,6 +30,8 @@ environment:
   VK_DRIVER_FILES    Vulkan drivers to be tested, as for any program that uses Vulkan; unless set, three software
                      devices, which `setup` puts into .setup/vulkan and registers below XDG_DATA_HOME for programs
                      that are run by hand
+  RAYBALANCE_EMBREE  the file of an Embree 4 library for the tests to compare with; unless set, one that `setup`
+                     puts into .setup/embree, or the system's
 ";
 
 fn main() -> ExitCode {
