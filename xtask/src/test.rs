@@ -1,9 +1,9 @@
 //! `cargo xtask test`: every check that a change must pass.
 
 use crate::command::{cargo, run};
-use crate::setup::{Setup, setup};
+use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{no_std, vulkan};
+use crate::{embree, no_std, unsafe_code, vulkan};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -93,6 +93,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         let check =
             if no_std::SUPPORTED { Check::Function(no_std::prove) } else { Check::Impossible("needs Linux on x86-64") };
         steps.push(Step { name: "no_std proof".to_owned(), check });
+        steps.push(Step { name: "loom".to_owned(), check: Check::Function(unsafe_code::loom) });
     }
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
@@ -104,6 +105,9 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     let named = vulkan::DRIVER_VARIABLES.iter().any(|name| std::env::var_os(name).is_some());
     let drivers = if setup.software_vulkan && !named { vulkan::environment()? } else { Vec::new() };
     tests.envs(drivers.iter().cloned());
+    if let Some(library) = &setup.embree {
+        tests.env(embree::VARIABLE, library);
+    }
     if is_ci() && std::env::var_os("RT_REQUIRE").is_none() {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
@@ -116,10 +120,6 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         steps.push(command("promises, Vulkan", verify));
     }
     Ok(steps)
-}
-
-fn is_ci() -> bool {
-    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 fn summarise(outcomes: &[(String, Outcome)], total: usize, spent: Duration) {
