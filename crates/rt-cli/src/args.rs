@@ -33,6 +33,9 @@ pub(crate) enum Command {
     Trace(Box<TraceArgs>),
     /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices
     Verify(VerifyArgs),
+    /// Measure what a knob costs and what it buys
+    #[command(subcommand)]
+    Tradeoff(TradeoffCommand),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -202,6 +205,50 @@ pub(crate) struct VerifyArgs {
     /// Print JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TradeoffCommand {
+    /// Fast against robust against double precision: speed, wrong answers, errors of distances
+    Precision(PrecisionTradeoffArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PrecisionTradeoffArgs {
+    /// yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Fewer rays and runs: a look, not a measurement
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Runs of each precision, all in turn [default: 30; 6 with --quick]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) runs: Option<u32>,
+    /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Rays of each stream that the exact reference judges [default: 2000; 200 with --quick]
+    #[arg(long, value_name = "N")]
+    pub(crate) sample: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of the rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Folder for precision.json, precision.csv and precision.svg
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+impl PrecisionTradeoffArgs {
+    /// Size of the picture, number of runs and of sampled rays.
+    pub(crate) fn effort(&self) -> ([u32; 2], u32, u32) {
+        let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
+        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

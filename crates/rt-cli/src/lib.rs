@@ -18,6 +18,7 @@ mod scene_source;
 mod shade;
 mod table;
 mod trace;
+mod tradeoff;
 mod verify;
 
 use args::{Cli, Command};
@@ -36,6 +37,7 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

@@ -8,6 +8,7 @@
 //! * [`mod@reference`]: the exact answer for a ray, or the reason why there is more than one ([`exact`] decides one
 //!   triangle); [`brute`]: the defined bits.
 //! * [`shapes`], [`rays`]: triangles and rays that make trouble; [`closed`]: surfaces that no ray may leave.
+//! * [`accuracy`]: hits compared with double precision, and with the exact reference on a sample.
 //! * [`tree`]: triangles turned into scenes, and `rt_bvh`'s own answers.
 //! * [`stats`]: medians, order-statistic intervals, paired ratios, bounds of rates.
 //!
@@ -18,6 +19,7 @@
 //!   precision` and the benchmarks. Here counts stand for time where a device has them.
 #![forbid(unsafe_code)]
 
+pub mod accuracy;
 pub mod brute;
 mod cases;
 pub mod closed;
