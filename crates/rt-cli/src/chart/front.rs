@@ -1,6 +1,5 @@
 //! `precision.svg`: speed against wrong answers, one panel per scene and device.
 
-use super::scale::{tick_label, ticks};
 use super::svg::{Area, Drawn, FAINT, INK, Look, Place, line, picture, polygon, rectangle, text};
 use crate::output::write_atomically;
 use anyhow::Result;
@@ -46,8 +45,10 @@ const PANEL_BOTTOM: f64 = 64.0;
 const PANEL_LEFT: f64 = 62.0;
 const PANEL_RIGHT: f64 = 20.0;
 /// The column of points without a wrong answer, which a logarithmic axis has no place for.
-const ZERO: f64 = 110.0;
-const RADIUS: f64 = 6.0;
+const ZERO: f64 = 180.0;
+const RADIUS: f64 = 5.5;
+/// How far apart settings of one kind stand there.
+const APART: f64 = 9.0;
 
 /// Decades of the axis of wrong answers per million.
 const DECADES: [i32; 2] = [-1, 6];
@@ -140,19 +141,22 @@ struct Panel {
     top: f64,
     bottom: f64,
     corner: Place,
-    most: f64,
+    /// Least and greatest speed shown; the axis is logarithmic, since kinds of rays differ by a factor of twenty.
+    speeds: [f64; 2],
 }
 
 impl Panel {
     fn new(corner: Place, width: f64, front: &Front) -> Self {
-        let most = front.points.iter().map(|p| p.mray_s_bounds[1].max(p.mray_s)).filter(|y| y.is_finite());
+        let speeds = front.points.iter().flat_map(|p| [p.mray_s_bounds[0], p.mray_s, p.mray_s_bounds[1]]);
+        let usable = speeds.filter(|speed| *speed > 0.0 && speed.is_finite());
+        let [least, most] = usable.fold([f64::INFINITY, 0.0], |[low, high], s| [s.min(low), s.max(high)]);
         Self {
             left: corner.0 + PANEL_LEFT,
             right: corner.0 + width - PANEL_RIGHT,
             top: corner.1 + PANEL_TOP,
             bottom: corner.1 + PANEL_HEIGHT - PANEL_BOTTOM,
             corner,
-            most: 1.05 * most.fold(f64::MIN_POSITIVE, f64::max),
+            speeds: if most > 0.0 { [least / 1.2, most * 1.2] } else { [0.1, 10.0] },
         }
     }
 
@@ -164,15 +168,18 @@ impl Panel {
     }
 
     fn y(&self, mray_s: f64) -> f64 {
-        self.bottom - (mray_s / self.most).clamp(0.0, 1.0) * (self.bottom - self.top)
+        let [least, most] = self.speeds;
+        self.bottom
+            - (mray_s / least).ln().clamp(0.0, (most / least).ln()) / (most / least).ln() * (self.bottom - self.top)
     }
 
-    /// Points without a wrong answer stand side by side, a place for each kind.
-    fn place(&self, point: &Point, kind: usize, kinds: usize) -> Place {
+    /// Points without a wrong answer stand side by side, a place for each kind and in it one for each setting.
+    fn place(&self, point: &Point, (kind, kinds): (usize, usize), (setting, settings): (usize, usize)) -> Place {
         let x = if point.wrong_ppm > 0.0 {
             self.x(point.wrong_ppm)
         } else {
-            self.left + ZERO * (kind as f64 + 0.5) / kinds.max(1) as f64
+            let aside = APART * (setting as f64 - 0.5 * settings.saturating_sub(1) as f64);
+            self.left + ZERO * (kind as f64 + 0.5) / kinds.max(1) as f64 + aside
         };
         (x, self.y(point.mray_s))
     }
@@ -182,7 +189,9 @@ impl Panel {
         self.axes(area)?;
         for (k, kind) in kinds.iter().enumerate() {
             let points: Vec<&Point> = front.points.iter().filter(|point| point.kind == *kind).collect();
-            let places: Vec<Place> = points.iter().map(|point| self.place(point, k, kinds.len())).collect();
+            let setting = |point: &Point| settings.iter().position(|s| *s == point.setting).unwrap_or(0);
+            let place = |p: &&Point| self.place(p, (k, kinds.len()), (setting(p), settings.len()));
+            let places: Vec<Place> = points.iter().map(place).collect();
             if places.len() > 1 {
                 line(area, &places, 1.5, &color(k))?;
             }
@@ -195,8 +204,7 @@ impl Panel {
                 }
             }
             for (point, place) in points.iter().zip(places) {
-                let setting = settings.iter().position(|s| *s == point.setting).unwrap_or(0);
-                polygon(area, &shape(setting, place), &color(k))?;
+                polygon(area, &shape(setting(point), place), &color(k))?;
             }
         }
         Ok(())
@@ -205,12 +213,10 @@ impl Panel {
     fn axes(&self, area: &Area<'_>) -> Drawn {
         rectangle(area, (self.left, self.top), (self.left + ZERO, self.bottom), &COLUMN)?;
         let small = Look { size: 12.0, color: FAINT, ..Look::default() };
-        let rows = ticks(self.most, 5);
-        let step = rows.get(1).copied().unwrap_or(1.0);
-        for tick in rows {
+        for tick in round_speeds(self.speeds) {
             let y = self.y(tick);
             rectangle(area, (self.left, y), (self.right, y + 0.75), &GRID)?;
-            text(area, &tick_label(tick, step), (self.left - 8.0, y), Look { align: HPos::Right, ..small })?;
+            text(area, &format!("{tick}"), (self.left - 8.0, y), Look { align: HPos::Right, ..small })?;
         }
         for decade in DECADES[0]..=DECADES[1] {
             let x = self.x(10.0_f64.powi(decade));
@@ -218,7 +224,8 @@ impl Panel {
             let label = match decade {
                 -1 => "0.1".to_owned(),
                 6 => "all".to_owned(),
-                _ => super::scale::grouped(10_u64.pow(decade.unsigned_abs())),
+                _ if decade >= 3 => format!("{} k", 10_u64.pow(decade.unsigned_abs() - 3)),
+                _ => 10_u64.pow(decade.unsigned_abs()).to_string(),
             };
             text(area, &label, (x, self.bottom + 14.0), Look { align: HPos::Center, ..small })?;
         }
@@ -229,6 +236,14 @@ impl Panel {
         text(area, "wrong answers per million rays", (self.right, self.bottom + 34.0), label)?;
         text(area, "Mray/s", (self.left - 8.0, self.top - 14.0), label)
     }
+}
+
+/// 1, 2 and 5 times powers of ten between two speeds.
+fn round_speeds([least, most]: [f64; 2]) -> Vec<f64> {
+    let decades = -6..=6_i32;
+    // Decimal text gives the nearest numbers, which print as short as they were written.
+    let round = |decade: i32| ["1", "2", "5"].map(|digit| format!("{digit}e{decade}").parse().unwrap_or(f64::NAN));
+    decades.flat_map(round).filter(|speed| (least..=most).contains(speed)).collect()
 }
 
 #[cfg(test)]
@@ -246,11 +261,11 @@ mod tests {
         let front = Front { title: "a <scene>".to_owned(), points: vec![point("primary", "fast", 30.0)] };
         let panel = Panel::new((0.0, 0.0), 500.0, &front);
         for ppm in [0.0, 1e-9, 1.0, 1e6, 1e9, f64::NAN] {
-            let (x, y) = panel.place(&point("primary", "fast", ppm), 0, 5);
+            let (x, y) = panel.place(&point("primary", "fast", ppm), (0, 5), (0, 3));
             assert!(!(x < panel.left || x > panel.right) && (panel.top..=panel.bottom).contains(&y), "{ppm}: {x} {y}");
         }
-        assert!(panel.place(&point("", "", 0.0), 4, 5).0 < panel.left + ZERO);
-        assert!(panel.place(&point("", "", 0.2), 4, 5).0 > panel.left + ZERO);
+        assert!(panel.place(&point("", "", 0.0), (4, 5), (2, 3)).0 < panel.left + ZERO);
+        assert!(panel.place(&point("", "", 0.2), (4, 5), (2, 3)).0 > panel.left + ZERO);
     }
 
     #[test]
@@ -262,5 +277,6 @@ mod tests {
         let svg = draw(&[front.clone(), front.clone(), front]).unwrap();
         assert!(svg.contains("a &lt;scene&gt;") && svg.contains("width=\"1100\""));
         assert!(draw(&[]).is_ok());
+        assert_eq!(round_speeds([0.15, 6.0]), [0.2, 0.5, 1.0, 2.0, 5.0]);
     }
 }
