@@ -13,8 +13,9 @@ use rt_core::{
 };
 use rt_scene::{Model, builtin};
 use rt_tests::conformance::{Subject, clock, trials};
-use rt_tests::rays::{Aim, RayMaker};
-use rt_tests::{scenes, shapes, tree};
+use rt_tests::scenes;
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -1,9 +1,9 @@
 //! `cargo xtask test`: every check that a change must pass.
 
 use crate::command::{cargo, run};
-use crate::setup::{Setup, setup};
+use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{no_std, vulkan};
+use crate::{embree, no_std, unsafe_code, vulkan};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,9 @@ pub(crate) enum Extent {
     /// What goes wrong most often: formatting, lints, tests.
     Quick,
 }
+
+/// Rays of each line of the suite `verify` on a Vulkan device: software ones trace a tenth of what the CPU itself does.
+const SOFTWARE_RAYS: u32 = 40_000;
 
 struct Step {
     name: String,
@@ -90,6 +93,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         let check =
             if no_std::SUPPORTED { Check::Function(no_std::prove) } else { Check::Impossible("needs Linux on x86-64") };
         steps.push(Step { name: "no_std proof".to_owned(), check });
+        steps.push(Step { name: "loom".to_owned(), check: Check::Function(unsafe_code::loom) });
     }
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
@@ -98,18 +102,24 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         None => tests.env_remove("RAYBALANCE_SCENES"),
     };
     // Someone who names drivers wants those tested: a real GPU's, say.
-    if setup.software_vulkan && vulkan::DRIVER_VARIABLES.iter().all(|name| std::env::var_os(name).is_none()) {
-        tests.envs(vulkan::environment()?);
+    let named = vulkan::DRIVER_VARIABLES.iter().any(|name| std::env::var_os(name).is_some());
+    let drivers = if setup.software_vulkan && !named { vulkan::environment()? } else { Vec::new() };
+    tests.envs(drivers.iter().cloned());
+    if let Some(library) = &setup.embree {
+        tests.env(embree::VARIABLE, library);
     }
     if is_ci() && std::env::var_os("RT_REQUIRE").is_none() {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
+    steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
+    if setup.software_vulkan || named {
+        let rays = format!("run -p rt-cli -- verify --quick --backend vulkan:0 --rays {SOFTWARE_RAYS}");
+        let mut verify = cargo(&rays);
+        verify.envs(drivers);
+        steps.push(command("promises, Vulkan", verify));
+    }
     Ok(steps)
-}
-
-fn is_ci() -> bool {
-    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 fn summarise(outcomes: &[(String, Outcome)], total: usize, spent: Duration) {

@@ -22,6 +22,7 @@ mod shade;
 mod table;
 mod trace;
 mod tradeoff;
+mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -40,6 +41,7 @@ pub fn main() -> ExitCode {
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => figure1::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Verify(args) => verify::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

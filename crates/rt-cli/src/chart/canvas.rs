@@ -78,6 +78,25 @@ impl Canvas {
         });
     }
 
+    /// Fills a convex polygon, whichever way round its corners are named.
+    pub(super) fn polygon(&mut self, corners: &[[f64; 2]], color: Rgb) {
+        let ends = |axis: usize| {
+            corners.iter().map(|c| c[axis]).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)))
+        };
+        let ((left, right), (top, bottom)) = (ends(0), ends(1));
+        let edges = || corners.iter().zip(corners.iter().cycle().skip(1));
+        let area: f64 = edges().map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum();
+        self.shade([left, top], [right, bottom], color, |x, y| {
+            // Covered as far as the pixel's middle lies inside the nearest edge.
+            let inside = |(a, b): (&[f64; 2], &[f64; 2])| {
+                let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+                let side = dx * (y + 0.5 - a[1]) - dy * (x + 0.5 - a[0]);
+                area.signum() * side / dx.hypot(dy).max(f64::MIN_POSITIVE)
+            };
+            (edges().map(inside).fold(f64::INFINITY, f64::min) + 0.5).clamp(0.0, 1.0)
+        });
+    }
+
     /// Blends pixels between two corners by how much of each is covered; nothing where a corner is not a number.
     fn shade(&mut self, low: [f64; 2], high: [f64; 2], color: Rgb, covered: impl Fn(f64, f64) -> f64) {
         if low.iter().chain(&high).any(|c| c.is_nan()) {

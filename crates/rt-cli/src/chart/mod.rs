@@ -8,6 +8,7 @@
 //! | `figure1.svg`, `.png` | [`figure1::write`] | tracing time against task size, as in the paper |
 //! | `sampling-*.svg`, `build-*.svg` | [`front::to_svg`] | what one quantity costs in another |
 //! | `report.html` (part) | [`scatter::to_svg`] | estimated against measured time, task by task |
+//! | `precision.svg` | [`precision::to_svg`]   | speed against wrong answers, a panel per scene and device |
 
 mod axes;
 mod bars;
@@ -15,6 +16,7 @@ mod canvas;
 pub mod cost;
 pub mod figure1;
 pub mod front;
+pub mod precision;
 #[cfg(test)]
 mod samples;
 mod scale;
@@ -27,5 +29,13 @@ pub(crate) use scale::duration;
 
 /// Every grey that a chart uses: what a page in the dark must turn over.
 #[cfg(test)]
-pub(crate) const GREYS: [[u8; 3]; 7] =
-    [sheet::PAPER, sheet::INK, sheet::FAINT, sheet::GRID, sheet::PALE, figure1::BLOCKS, figure1::ROUND_ROBIN];
+pub(crate) const GREYS: [[u8; 3]; 8] = [
+    precision::COLUMN,
+    sheet::PAPER,
+    sheet::INK,
+    sheet::FAINT,
+    sheet::GRID,
+    sheet::PALE,
+    figure1::BLOCKS,
+    figure1::ROUND_ROBIN,
+];

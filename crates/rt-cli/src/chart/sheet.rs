@@ -44,6 +44,7 @@ pub(super) type Place = (f64, f64);
 enum Shape {
     Rectangle { from: Place, to: Place, color: Rgb },
     Line { points: Vec<Place>, width: f64, color: Rgb },
+    Polygon { corners: Vec<Place>, color: Rgb },
     Dot { at: Place, radius: f64, color: Rgb },
     Text { text: String, at: Place, look: Look },
 }
@@ -94,6 +95,11 @@ impl Sheet {
 
     pub(super) fn line(&mut self, points: impl Into<Vec<Place>>, width: f64, color: Rgb) {
         self.shapes.push(Shape::Line { points: points.into(), width, color });
+    }
+
+    /// A polygon with a border of paper, which keeps neighbours apart.
+    pub(super) fn polygon(&mut self, corners: Vec<Place>, color: Rgb) {
+        self.shapes.push(Shape::Polygon { corners, color });
     }
 
     pub(super) fn dot(&mut self, at: Place, radius: f64, color: Rgb) {
@@ -152,6 +158,12 @@ impl Shape {
                 let style = rgb(*color).stroke_width(units(*width).max(1) as u32);
                 area.draw(&PathElement::new(points.iter().map(place).collect::<Vec<_>>(), style))
             }
+            Self::Polygon { corners, color } => {
+                let mut corners: Vec<_> = corners.iter().map(place).collect();
+                area.draw(&Polygon::new(corners.clone(), rgb(*color).filled()))?;
+                corners.extend(corners.first().copied());
+                area.draw(&PathElement::new(corners, rgb(PAPER).stroke_width(units(1.0) as u32)))
+            }
             Self::Dot { at, radius, color } => area.draw(&Circle::new(place(at), units(*radius), rgb(*color).filled())),
             Self::Text { text, at, look } => {
                 let weight = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
@@ -169,6 +181,10 @@ impl Shape {
                 for pair in points.windows(2) {
                     canvas.stroke(place(&pair[0]), place(&pair[1]), width * PNG_SCALE, *color);
                 }
+            }
+            Self::Polygon { corners, color } => {
+                let corners: Vec<[f64; 2]> = corners.iter().map(place).collect();
+                canvas.polygon(&corners, *color);
             }
             Self::Dot { at, radius, color } => canvas.stroke(place(at), place(at), 2.0 * radius * PNG_SCALE, *color),
             Self::Text { text, at, look } => {
@@ -206,12 +222,18 @@ mod tests {
         sheet.rectangle((1.0, 1.0), (20.0, 20.0), BLUE);
         sheet.line([(0.0, 0.0), (30.0, 30.0), (f64::NAN, 1e9)], 1.5, INK);
         sheet.dot((30.0, 20.0), 3.0, ORANGE);
+        sheet.polygon(vec![(5.0, 25.0), (15.0, 25.0), (10.0, 35.0)], GREEN);
         for align in [HPos::Left, HPos::Center, HPos::Right] {
             sheet.text("a < b", (30.0, 20.0), Look { align, ..Look::default() });
         }
         let svg = sheet.to_svg().unwrap();
         assert!(svg.contains("width=\"60\" height=\"40\""), "plotters no longer writes the size as expected");
-        assert!(svg.contains("a &lt; b") && svg.contains("<circle") && svg.contains("<polyline"));
+        assert!(
+            svg.contains("a &lt; b")
+                && svg.contains("<circle")
+                && svg.contains("<polyline")
+                && svg.contains("<polygon")
+        );
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("sheet.png");
         sheet.write_png(&path).unwrap();

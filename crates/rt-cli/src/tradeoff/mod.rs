@@ -1,9 +1,11 @@
 //! `raybalance tradeoff`: what speed costs in accuracy, measured.
 
 mod build;
+mod precision;
 mod sampling;
+mod streams;
 
-use crate::args::{TradeArg, TradeArgs, TradeoffArgs};
+use crate::args::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
 use crate::experiment::{Machine, command_line};
 use crate::html::Page;
 use crate::output::write_atomically;
@@ -25,11 +27,14 @@ struct Trade {
 }
 
 /// Every trade there is, in the order in which `raybalance tradeoff` runs them.
-const TRADES: [Trade; 2] = [
+const TRADES: [Trade; 3] = [
     // Hundreds of settings against seven.
     Trade { name: "sampling", weight: 4.0, run: sampling::run },
+    Trade { name: "precision", weight: 1.0, run: precision_of_all },
     Trade { name: "build", weight: 1.0, run: build::run },
 ];
+
+const TITLE: &str = "Speed against accuracy";
 
 /// Budget of all trades together.
 const ALL_TRADES: Duration = Duration::from_secs(600);
@@ -65,8 +70,14 @@ struct Head {
 
 pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
     interrupt::watch();
+    if let Some(TradeArg::Precision(own)) = &args.trade {
+        let seeds = format!("Seed {} of the rays.", own.seed);
+        let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+        precision::run(own, None, &mut page)?;
+        return finish(&page, &own.out);
+    }
     let (common, chosen) = match &args.trade {
-        None => (&args.common, None),
+        None | Some(TradeArg::Precision(_)) => (&args.common, None),
         Some(TradeArg::Sampling(common)) => (common, Some("sampling")),
         Some(TradeArg::Build(common)) => (common, Some("build")),
     };
@@ -85,7 +96,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
     let budget = budget.or(chosen.is_none().then_some(ALL_TRADES));
     let seeds =
         format!("Seed {} of pixels, bounces and samples; those of each round are in the JSON files.", common.seed);
-    let mut page = Page::new("Speed against accuracy", &head.command, &head.machine, &seeds);
+    let mut page = Page::new(TITLE, &head.command, &head.machine, &seeds);
     let trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
     let begin = Instant::now();
     let all: f64 = trades.iter().map(|trade| trade.weight).sum();
@@ -103,9 +114,19 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
         };
         (trade.run)(&setting, &mut page)?;
     }
-    page.write(&common.out.join("report.html"))?;
-    println!("\n  written to {}: tables, charts, raw numbers and report.html", common.out.display());
+    finish(&page, &common.out)
+}
+
+fn finish(page: &Page, out: &Path) -> Result<()> {
+    page.write(&out.join("report.html"))?;
+    println!("\n  written to {}: tables, charts, raw numbers and report.html", out.display());
     Ok(())
+}
+
+/// The precision trade as one of all.
+fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
+    let budget = setting.until.map(|until| until.saturating_duration_since(Instant::now()));
+    precision::run(&PrecisionTradeoffArgs::of(setting.args), budget, page)
 }
 
 impl Setting<'_> {

@@ -6,9 +6,11 @@
 
 use crate::brute;
 use crate::exact::{self, Contact, EDGE_TOLERANCE};
+use core::fmt;
 use glam::DVec3;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray, Triangle};
+use std::collections::HashSet;
 
 /// How far a reported `t` may lie from the exact one beyond the tolerances of [`crate::exact`], in units of its last
 /// place. Rounding to single precision moves it by half a unit; the rest allows one more single-precision operation.
@@ -30,6 +32,34 @@ pub enum Verdict {
         /// Whether a miss may be reported as well.
         may_miss: bool,
     },
+}
+
+/// Most candidates that are written out.
+const SHOWN: usize = 3;
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (candidates, may_miss) = match self {
+            Self::Unambiguous(None) => return f.write_str("it must miss"),
+            Self::Unambiguous(Some(nearest)) => return write!(f, "it must hit {nearest}"),
+            Self::Ambiguous { candidates, may_miss } => (candidates, may_miss),
+        };
+        write!(f, "it may hit ")?;
+        for (i, candidate) in candidates.iter().take(SHOWN).enumerate() {
+            write!(f, "{}{candidate}", if i == 0 { "" } else { ", " })?;
+        }
+        let more = candidates.len().saturating_sub(SHOWN);
+        if more > 0 {
+            write!(f, " or {more} others")?;
+        }
+        f.write_str(if *may_miss { ", or miss" } else { "" })
+    }
+}
+
+impl fmt::Display for Nearest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {:e} to {:e}", self.primitive, self.t[0], self.t[1])
+    }
 }
 
 /// A triangle that may be reported, and the distances that may be reported with it.
@@ -57,12 +87,32 @@ impl Verdict {
         }
     }
 
+    /// [`Verdict::admits`] without a look at the distance.
+    #[must_use]
+    pub fn admits_primitive(&self, primitive: u32) -> bool {
+        match self {
+            Self::Unambiguous(nearest) => nearest.map_or(u32::MAX, |n| n.primitive) == primitive,
+            Self::Ambiguous { candidates, may_miss } => {
+                candidates.iter().any(|n| n.primitive == primitive) || (*may_miss && primitive == u32::MAX)
+            }
+        }
+    }
+
     /// Whether a kernel may report that there is a hit (`true`) or none.
     #[must_use]
     pub const fn admits_presence(&self, hit: bool) -> bool {
         match self {
             Self::Unambiguous(nearest) => nearest.is_some() == hit,
             Self::Ambiguous { may_miss, .. } => hit || *may_miss,
+        }
+    }
+
+    /// The triangles that may be reported, in the order of their ids.
+    #[must_use]
+    pub fn candidates(&self) -> &[Nearest] {
+        match self {
+            Self::Unambiguous(nearest) => nearest.as_slice(),
+            Self::Ambiguous { candidates, .. } => candidates,
         }
     }
 
@@ -162,21 +212,26 @@ impl<'a> Reference<'a> {
     }
 
     fn candidates(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<Nearest> {
-        let met = ids.iter().filter(|id| **id != origin).filter_map(|&id| {
-            let triangle = &self.triangles[id as usize];
-            let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
-            let mut t = t.map(|t| t as f32);
-            for _ in 0..T_ULPS {
-                t = [t[0].next_down(), t[1].next_up()];
-            }
-            if t[1] < ray.tmin || t[0] > ray.tmax || t[0] == f32::INFINITY || t[1] == f32::NEG_INFINITY {
-                return None;
-            }
-            let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
-            Some(Nearest { primitive: id, certain: certain && inside, t })
-        });
-        met.collect()
+        ids.iter()
+            .filter(|id| **id != origin)
+            .filter_map(|&id| meeting(ray, id, &self.triangles[id as usize]))
+            .collect()
     }
+}
+
+/// How a valid `ray` meets one triangle, whatever is before it; `None` for a clear miss.
+#[must_use]
+pub fn meeting(ray: &Ray, primitive: u32, triangle: &Triangle) -> Option<Nearest> {
+    let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
+    let mut t = t.map(|t| t as f32);
+    for _ in 0..T_ULPS {
+        t = [t[0].next_down(), t[1].next_up()];
+    }
+    if t[1] < ray.tmin || t[0] > ray.tmax || t[0] == f32::INFINITY || t[1] == f32::NEG_INFINITY {
+        return None;
+    }
+    let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
+    Some(Nearest { primitive, certain: certain && inside, t })
 }
 
 /// [`Reference::resolve`] for one ray and no origin.
@@ -189,10 +244,12 @@ pub fn resolve(ray: &Ray, triangles: &[Triangle]) -> Verdict {
 fn nearest_of(candidates: &[Nearest], triangles: &[Triangle]) -> Verdict {
     let sure = candidates.iter().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
     let mut nearest: Vec<Nearest> = Vec::new();
+    let mut seen = HashSet::new();
     for candidate in candidates.iter().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
-        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win.
-        let triangle = &triangles[candidate.primitive as usize];
-        if nearest.iter().all(|n| triangles[n.primitive as usize] != *triangle) {
+        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win. Adding
+        // zero makes the two zeros one.
+        let corners = triangles[candidate.primitive as usize].vertices();
+        if seen.insert(corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()))) {
             nearest.push(*candidate);
         }
     }
