@@ -37,6 +37,10 @@ const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
 /// Is given Embree with its robust flag and without.
 type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
 
+/// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer wrongly.
+/// Measured: 2 to 4%.
+const EMBREE_ERRORS_AIMED: f64 = 0.1;
+
 type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
 
 fn main() {
@@ -108,7 +112,7 @@ fn mesh_and_rays() -> impl Strategy<Value = (Vec<Triangle>, Vec<(Ray, u32)>)> {
     })
 }
 
-/// Guards against: a triangle lost or moved on the way to Embree, ids of leaf order, limits or origins not handed on.
+/// Guards against: a box test of ours without padding, a triangle lost by a builder, a tie won by the higher id.
 fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Failed> {
     let tallies = RefCell::new([const { Tally::new() }; 2]);
     let mut runner = TestRunner::new(Config { cases: MESHES, ..Config::default() });
@@ -147,8 +151,9 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
         println!("random meshes: {}: {tally}", device.info().name);
         println!("    {}", tally.first.as_deref().unwrap_or_default());
     }
+    let bad = |tally: &&Tally| tally.errors() as f64 > EMBREE_ERRORS_AIMED * tally.rays as f64;
     match outcome {
-        Ok(()) => Ok(()),
+        Ok(()) => tallies.iter().find(bad).map_or(Ok(()), |tally| Err(format!("Embree: {tally}").into())),
         Err(TestError::Abort(reason)) => Err(reason.to_string().into()),
         Err(TestError::Fail(reason, (triangles, rays))) => {
             Err(format!("{reason}\nfor {triangles:?}\nand {rays:?}").into())
