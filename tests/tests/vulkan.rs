@@ -224,10 +224,9 @@ fn few_random_rays_are_left_to_the_host(index: usize) -> Result<(), Failed> {
         let maker = RayMaker::new(&triangles, 21);
         let aims = [Aim::Random, Aim::Interior, Aim::Diffuse];
         let rays: Vec<_> = (0..30_000).map(|i| maker.ray(aims[i as usize % 3], i)).collect();
-        let before = device.tally();
+        let before = device.tally().on_host();
         trace(device, &scene, &rays, StreamSpec::default())?;
-        let after = device.tally();
-        let share = (after.on_host - before.on_host) as f64 / rays.len() as f64;
+        let share = (device.tally().on_host() - before) as f64 / rays.len() as f64;
         println!("{name}: {share:.5} of the rays on the host");
         if share > ON_HOST {
             return Err(format!("{name}: the host had to trace {share:.4} of the rays").into());

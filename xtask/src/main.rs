@@ -5,10 +5,13 @@ mod apt;
 mod command;
 mod embree;
 mod files;
+mod fuzz;
+mod nightly;
 mod no_std;
 mod scenes;
 mod setup;
 mod test;
+mod unsafe_code;
 mod vulkan;
 mod workspace;
 
@@ -21,6 +24,10 @@ usage: cargo xtask <task>
   test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
                   single features and the no_std proof
   no-std          prove that rt-core, rt-bvh and rt-sched need no std
+  loom            try every interleaving of a few devices on the queues
+  asan            AddressSanitizer over everything that has unsafe code (needs the nightly compiler)
+  fuzz --minutes N
+                  libFuzzer on the targets in fuzz/, N minutes in all (needs the nightly compiler)
 
 environment:
 
@@ -42,6 +49,12 @@ fn main() -> ExitCode {
         ["test"] => test::test(test::Extent::Everything),
         ["test", "--quick"] => test::test(test::Extent::Quick),
         ["no-std"] => no_std::prove(),
+        ["loom"] => unsafe_code::loom(),
+        ["asan"] => unsafe_code::asan(),
+        ["fuzz", "--minutes", minutes] => match minutes.parse() {
+            Ok(minutes) => fuzz::fuzz(minutes),
+            Err(_) => Err(anyhow::anyhow!("`{minutes}` is not a number of minutes")),
+        },
         ["help" | "--help" | "-h"] => {
             print!("{USAGE}");
             Ok(())

@@ -3,7 +3,7 @@
 use crate::command::{cargo, run};
 use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{embree, no_std, vulkan};
+use crate::{embree, no_std, unsafe_code, vulkan};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -90,6 +90,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         let check =
             if no_std::SUPPORTED { Check::Function(no_std::prove) } else { Check::Impossible("needs Linux on x86-64") };
         steps.push(Step { name: "no_std proof".to_owned(), check });
+        steps.push(Step { name: "loom".to_owned(), check: Check::Function(unsafe_code::loom) });
     }
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");

@@ -1,22 +1,19 @@
 //! Finding and opening devices.
 
 use crate::arithmetic;
+use crate::board::VulkanBoard;
 use crate::buffer::{Buffer, Use};
 use crate::commands::Commands;
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
 use crate::pipeline::{BUFFERS, Layout, Pipeline};
-use crate::tracer::VulkanTracer;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
+use rt_gpu::{GpuTracer, IN_FLIGHT, Tally};
 use rt_shaders::Purpose;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Launches a device keeps in flight. Two hide the host's hand-over between launches.
-pub(crate) const IN_FLIGHT: u32 = 2;
 
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
 const LEAST_LLVMPIPE: u32 = 25;
@@ -37,15 +34,6 @@ impl Options {
     }
 }
 
-/// How many rays a device's launches traced, and how many of them the host.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Rays of all launches and walks that were waited for.
-    pub rays: u64,
-    /// Those among them that the kernel left to the host: in doubt, or with numbers too large or small for it.
-    pub on_host: u64,
-}
-
 /// A graphics card or software rasteriser.
 #[derive(Debug)]
 pub struct VulkanDevice {
@@ -61,8 +49,7 @@ pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<Layout>,
     pub logical: Arc<Logical>,
-    rays: AtomicU64,
-    on_host: AtomicU64,
+    pub tally: Arc<Tally>,
 }
 
 impl VulkanDevice {
@@ -109,14 +96,8 @@ impl VulkanDevice {
             in_flight: IN_FLIGHT,
             memory: logical.memory(),
         };
-        let shared = Shared {
-            pipelines: Mutex::default(),
-            layout: Arc::new(layout),
-            logical,
-            rays: AtomicU64::new(0),
-            on_host: AtomicU64::new(0),
-        };
-        match arithmetic::first_fault(&shared) {
+        let shared = Shared { pipelines: Mutex::default(), layout: Arc::new(layout), logical, tally: Arc::default() };
+        match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
@@ -152,9 +133,8 @@ impl VulkanDevice {
 
     /// What the device's tracers have done so far.
     #[must_use]
-    pub fn tally(&self) -> Tally {
-        let Shared { rays, on_host, .. } = &*self.shared;
-        Tally { rays: rays.load(Ordering::Relaxed), on_host: on_host.load(Ordering::Relaxed) }
+    pub fn tally(&self) -> &Tally {
+        &self.shared.tally
     }
 }
 
@@ -170,7 +150,8 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        Ok(Box::new(VulkanTracer::new(Arc::clone(&self.shared), scene, clock)?))
+        let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
+        Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
 
@@ -192,12 +173,6 @@ impl Shared {
 
     pub(crate) const fn layout(&self) -> &Arc<Layout> {
         &self.layout
-    }
-
-    /// Adds to the tally.
-    pub(crate) fn traced(&self, rays: usize, on_host: usize) {
-        self.rays.fetch_add(rays as u64, Ordering::Relaxed);
-        self.on_host.fetch_add(on_host as u64, Ordering::Relaxed);
     }
 }
 

@@ -77,8 +77,3 @@ pub(crate) fn failed(task: &'static str) -> impl FnOnce(vk::Result) -> DeviceErr
         DeviceError::new(kind, format!("the Vulkan device failed to {task}: {source}")).with_source(source)
     }
 }
-
-/// A call that was wrong and changed nothing.
-pub(crate) fn invalid(message: String) -> DeviceError {
-    DeviceError::new(DeviceErrorKind::InvalidArgument, message)
-}

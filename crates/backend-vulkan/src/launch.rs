@@ -4,8 +4,8 @@ use crate::buffer::{Buffer, Use};
 use crate::commands::{Commands, Stage};
 use crate::logical::Logical;
 use crate::pipeline::{Bindings, Layout, Pipeline};
-use crate::resident::Resident;
 use crate::timeline::Timeline;
+use crate::upload::Resident;
 use rt_core::{DeviceError, TestCounts};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,6 +17,8 @@ pub(crate) struct Slot {
     commands: Commands,
     bindings: Bindings,
     room: Room,
+    /// Items that the last launch counted.
+    counted: usize,
     /// What the last launch runs, kept until it is done.
     pipeline: Option<Arc<Pipeline>>,
 }
@@ -64,6 +66,7 @@ impl Slot {
             commands: Commands::new(logical)?,
             bindings: Bindings::new(layout)?,
             room: Room::new(logical, 0, 0)?,
+            counted: 0,
             pipeline: None,
         })
     }
@@ -88,7 +91,7 @@ impl Slot {
         let Self { commands, bindings, room, .. } = self;
         room.upload.write(0, &[count]);
         room.upload.write(WORD as usize, items);
-        let Resident { nodes, triangles, primitives, frame } = scene;
+        let Resident([nodes, triangles, primitives, frame]) = scene;
         bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
         commands.record(|to| {
             // The launch before this one may still be running: its kernel must not be timed with ours.
@@ -105,6 +108,7 @@ impl Slot {
             }
             to.barrier(Stage::Copy, Stage::Host);
         })?;
+        self.counted = counts as usize;
         self.pipeline = Some(pipeline);
         timeline.submit(self.commands.raw())
     }
@@ -114,9 +118,9 @@ impl Slot {
         self.room.found_back.read(count)
     }
 
-    /// The counts of each item of the last launch, which is done and counted.
-    pub(crate) fn counts(&self, count: usize) -> &[TestCounts] {
-        self.room.counts_back.read(count)
+    /// The counts of each item of the last launch, which is done; empty if it did not count.
+    pub(crate) fn counts(&self) -> &[TestCounts] {
+        self.room.counts_back.read(self.counted)
     }
 
     /// Time in the kernel of the last launch, which is done.

@@ -10,7 +10,6 @@
 //! * One kernel over the two-wide layout, single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
 //! * Rays are prepared on the host and uploaded, camera rays too.
-//! * The host's share of a launch (t, u, v, doubtful rays) runs on the thread that waits.
 //! * Rays that start so close to a second triangle in the plane of their own that its side is lost in rounding, about
 //!   2⁻⁴⁰ of that triangle's size, go to the host: a quarter of the bounces off the doubled 2 km ground plane of one scene.
 //! * A scene or a stream whose buffer exceeds the device's limit for one binding is refused, with the sizes.
@@ -20,6 +19,7 @@
 //! there only.
 
 mod arithmetic;
+mod board;
 mod buffer;
 mod commands;
 mod device;
@@ -28,9 +28,9 @@ mod instance;
 mod launch;
 mod logical;
 mod pipeline;
-mod resident;
 mod timeline;
-mod tracer;
+mod upload;
 
-pub use device::{Options, Tally, VulkanDevice};
+pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
+pub use rt_gpu::Tally;

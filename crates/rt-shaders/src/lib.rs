@@ -42,6 +42,14 @@ pub enum Purpose {
     Arithmetic,
 }
 
+impl Purpose {
+    /// Whether the kernel writes counts.
+    #[must_use]
+    pub const fn counts(self) -> bool {
+        matches!(self, Self::ClosestCounted | Self::AnyCounted | Self::LeafAsHit | Self::Unshortened)
+    }
+}
+
 /// A compiled kernel.
 #[derive(Debug)]
 pub struct Kernel {

@@ -1,0 +1,70 @@
+//! Copies to buffers that the host does not see.
+
+use crate::buffer::{Buffer, Use};
+use crate::commands::Commands;
+use crate::logical::Logical;
+use crate::timeline::Timeline;
+use bytemuck::NoUninit;
+use rt_core::DeviceError;
+use rt_gpu::{PATIENCE, SceneImage};
+use std::sync::Arc;
+
+/// Bytes copied to the device at once: large enough for the bus, small beside any scene that is worth a GPU.
+const STAGING: u64 = 4 << 20;
+
+/// Copies through a buffer that both see.
+#[derive(Debug)]
+pub(crate) struct Uploader {
+    staging: Buffer,
+    commands: Commands,
+}
+
+impl Uploader {
+    pub(crate) fn new(logical: &Arc<Logical>) -> Result<Self, DeviceError> {
+        let staging = Buffer::new(logical, "the buffer for uploads", STAGING, Use::Upload)?;
+        Ok(Self { staging, commands: Commands::new(logical)? })
+    }
+
+    /// Copies `values` to `target` from byte `offset` on, and waits for it.
+    pub(crate) fn send<T: NoUninit>(
+        &mut self,
+        timeline: &mut Timeline,
+        target: &Buffer,
+        offset: u64,
+        values: &[T],
+    ) -> Result<(), DeviceError> {
+        let mut offset = offset;
+        let at_once = (STAGING as usize / size_of::<T>().max(1)).max(1);
+        for part in values.chunks(at_once) {
+            let size = size_of_val(part) as u64;
+            self.staging.write(0, part);
+            let Self { staging, commands } = self;
+            commands.record(|to| to.copy(staging, target, offset, size))?;
+            let value = timeline.submit(commands.raw())?;
+            timeline.wait(value, PATIENCE)?;
+            offset += size;
+        }
+        Ok(())
+    }
+}
+
+/// A scene on the device: the buffers of [`SceneImage::buffers`], in their order.
+#[derive(Debug)]
+pub(crate) struct Resident(pub [Buffer; 4]);
+
+impl Resident {
+    pub(crate) fn new(
+        logical: &Arc<Logical>,
+        uploader: &mut Uploader,
+        timeline: &mut Timeline,
+        image: &SceneImage<'_>,
+    ) -> Result<Self, DeviceError> {
+        let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
+            let buffer = Buffer::new(logical, what, bytes.len() as u64, Use::Kernel)?;
+            uploader.send(timeline, &buffer, 0, bytes)?;
+            Ok(buffer)
+        };
+        let [nodes, triangles, primitives, frame] = image.buffers();
+        Ok(Self([upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?]))
+    }
+}

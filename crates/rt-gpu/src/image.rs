@@ -1,0 +1,65 @@
+//! A scene as the kernels read it.
+
+use bytemuck::{Pod, Zeroable};
+use rt_bvh::offload::Offload;
+use rt_core::{Child, Scene};
+
+/// The shader's structure `Frame`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Frame {
+    /// Lower corner of the scene's box.
+    pub low: [f32; 3],
+    /// What the root has: 2 children, with only one its side (0 or 1), with none 3.
+    pub root: u32,
+    /// Upper corner.
+    pub high: [f32; 3],
+    unused: u32,
+}
+
+/// The buffers that kernels read of a scene.
+#[derive(Debug)]
+pub struct SceneImage<'a> {
+    scene: &'a Scene,
+    primitives: Vec<u32>,
+    frame: Frame,
+}
+
+impl<'a> SceneImage<'a> {
+    /// The image of a scene.
+    #[must_use]
+    pub fn new(scene: &'a Scene) -> Self {
+        let root = &scene.nodes()[0];
+        let there: Vec<u32> = (0..2).filter(|&side| root.child(side as usize) != Child::Absent).collect();
+        let bounds = Offload::new(scene).bounds();
+        let frame = Frame {
+            low: bounds.min.to_array(),
+            root: match there[..] {
+                [] => 3,
+                [side] => side,
+                _ => 2,
+            },
+            high: bounds.max.to_array(),
+            unused: 0,
+        };
+        let primitives = (0..scene.primitives().len()).map(|slot| scene.primitives().get(slot)).collect();
+        Self { scene, primitives, frame }
+    }
+
+    /// What the buffer is called in errors, and its bytes: those of bindings 0 to 3 of `bindings.wgsl`.
+    #[must_use]
+    pub fn buffers(&self) -> [(&'static str, &[u8]); 4] {
+        [
+            ("the scene's tree", bytemuck::cast_slice(self.scene.nodes())),
+            ("the scene's triangles", bytemuck::cast_slice(self.scene.triangles())),
+            ("the scene's primitive ids", bytemuck::cast_slice(&self.primitives)),
+            ("the scene's box", bytemuck::bytes_of(&self.frame)),
+        ]
+    }
+
+    /// Bytes of all buffers.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.buffers().iter().map(|(_, bytes)| bytes.len() as u64).sum()
+    }
+}

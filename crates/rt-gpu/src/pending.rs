@@ -1,0 +1,116 @@
+//! A launch in flight, and what becomes of a kernel's answer.
+
+use crate::{Answer, Flight};
+use rayon::prelude::*;
+use rt_bvh::Stack;
+use rt_bvh::offload::Offload;
+use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Ticket, Walk};
+use rt_shaders::{DOUBTFUL, MISS, Purpose};
+use std::time::Duration;
+
+/// A launch in flight.
+#[derive(Debug)]
+pub(crate) struct Pending {
+    pub ticket: Ticket,
+    /// `None` where there was nothing to trace.
+    pub flight: Option<Flight>,
+    /// The rays traced.
+    pub items: Vec<u32>,
+    /// For each item, its place among the launch's hits; empty where that is the item's own.
+    pub places: Vec<u32>,
+    /// Number of the launch's hits.
+    pub total: usize,
+    pub start: Duration,
+}
+
+/// What was asked of the rays of a kernel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum How {
+    Trace(StreamSpec),
+    Reduced(ReducedWalk, Precision),
+}
+
+impl How {
+    pub(crate) const fn purpose(self) -> Purpose {
+        match self {
+            Self::Trace(StreamSpec { query: Query::Closest, counts: false, .. }) => Purpose::Closest,
+            Self::Trace(StreamSpec { query: Query::Closest, counts: true, .. }) => Purpose::ClosestCounted,
+            Self::Trace(StreamSpec { query: Query::Any, counts: false, .. }) => Purpose::Any,
+            Self::Trace(StreamSpec { query: Query::Any, counts: true, .. }) => Purpose::AnyCounted,
+            Self::Reduced(ReducedWalk::LeafAsHit, _) => Purpose::LeafAsHit,
+            Self::Reduced(ReducedWalk::Unshortened, _) => Purpose::Unshortened,
+        }
+    }
+}
+
+/// What the kernel and the host found out of each item, in order.
+#[derive(Debug, Default)]
+pub(crate) struct Finished {
+    pub hits: Vec<(Hit, TestCounts)>,
+    /// Items that the host traced.
+    pub on_host: usize,
+    pub in_kernel: Duration,
+    /// The first ray whose hit, a slot of the leaf order, is none: the kernel did not work.
+    pub wrong: Option<(u32, u32)>,
+}
+
+/// Items that one thread finishes before it looks for more: some 50 µs of work.
+const CHUNK: usize = 512;
+
+/// Computes t, u and v of what was hit, and traces what is in doubt.
+pub(crate) fn finish(scene: &Scene, source: &RaySource, how: How, items: &[u32], answer: &Answer<'_>) -> Finished {
+    let offload = Offload::new(scene);
+    let one = |stack: &mut Stack, i: usize| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
+        let (item, slot) = (items[i], answer.found[i]);
+        let counts = answer.counts.get(i).copied().unwrap_or_default();
+        match slot {
+            DOUBTFUL => {
+                let (hit, counts) = on_host(scene, stack, how, source.ray(item));
+                Ok((hit, counts, true))
+            }
+            MISS => Ok((Hit::MISS, counts, false)),
+            slot => match offload.finish(&source.ray(item).0, slot) {
+                Some(hit) => Ok((hit, counts, false)),
+                None => Err((item, slot)),
+            },
+        }
+    };
+    let mut hits = vec![(Hit::MISS, TestCounts::default()); items.len()];
+    let parts: Vec<(usize, Option<(u32, u32)>)> = hits
+        .par_chunks_mut(CHUNK)
+        .enumerate()
+        .map_init(
+            || Stack::for_scene(scene),
+            |stack, (part, hits)| {
+                let (mut on_host, mut wrong) = (0, None);
+                for (i, out) in hits.iter_mut().enumerate() {
+                    match one(stack, part * CHUNK + i) {
+                        Ok((hit, counts, traced)) => {
+                            *out = (hit, counts);
+                            on_host += usize::from(traced);
+                        }
+                        Err(item) => wrong = wrong.or(Some(item)),
+                    }
+                }
+                (on_host, wrong)
+            },
+        )
+        .collect();
+    Finished {
+        hits,
+        on_host: parts.iter().map(|(on_host, _)| on_host).sum(),
+        in_kernel: answer.in_kernel.unwrap_or_default(),
+        wrong: parts.iter().find_map(|(_, wrong)| *wrong),
+    }
+}
+
+fn on_host(scene: &Scene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32)) -> (Hit, TestCounts) {
+    let mut out = (Hit::MISS, TestCounts::default());
+    let sink = |hit, counts| out = (hit, counts);
+    let ray = std::iter::once(ray);
+    match how {
+        How::Trace(spec) => rt_bvh::trace(scene, stack, spec, ray, sink),
+        How::Reduced(kind, precision) => rt_bvh::count(scene, stack, Walk::Reduced(kind), precision, ray, sink),
+    }
+    out
+}

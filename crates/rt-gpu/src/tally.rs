@@ -1,0 +1,29 @@
+//! How many rays a device traced, and how many of them the host.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Counts of rays that all tracers of a device add to.
+#[derive(Debug, Default)]
+pub struct Tally {
+    rays: AtomicU64,
+    on_host: AtomicU64,
+}
+
+impl Tally {
+    /// Rays of all launches and walks that were waited for.
+    #[must_use]
+    pub fn rays(&self) -> u64 {
+        self.rays.load(Ordering::Relaxed)
+    }
+
+    /// Those among them that the kernel left to the host: in doubt, or with numbers too large or small for it.
+    #[must_use]
+    pub fn on_host(&self) -> u64 {
+        self.on_host.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn add(&self, rays: usize, on_host: usize) {
+        self.rays.fetch_add(rays as u64, Ordering::Relaxed);
+        self.on_host.fetch_add(on_host as u64, Ordering::Relaxed);
+    }
+}

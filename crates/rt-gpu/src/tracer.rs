@@ -1,0 +1,189 @@
+//! One scene on one graphics card, as the driver sees it.
+
+use crate::pending::{Finished, How, Pending, finish};
+use crate::{Board, Flight, IN_FLIGHT, Tally, rays};
+use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
+use rt_core::{
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
+    Ticket, Tracer, Walk,
+};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// The longest a walk may take. The trait gives none; a walk is a sample of a stream, so minutes mean a hang.
+const WALK_LIMIT: Duration = Duration::from_secs(600);
+
+/// A scene resident on a [`Board`].
+#[derive(Debug)]
+pub struct GpuTracer<B> {
+    board: B,
+    scene: Arc<Scene>,
+    clock: Clock,
+    tally: Arc<Tally>,
+    source: RaySource,
+    spec: StreamSpec,
+    pending: VecDeque<Pending>,
+    /// Launches whose results are on the host because a later one was asked for first.
+    finished: Vec<(Ticket, Launch)>,
+    next_ticket: u64,
+}
+
+impl<B: Board> GpuTracer<B> {
+    /// A tracer of `scene`, which is on `board`, that adds to `tally`.
+    pub fn new(board: B, scene: Arc<Scene>, clock: Clock, tally: Arc<Tally>) -> Self {
+        Self {
+            board,
+            scene,
+            clock,
+            tally,
+            source: no_rays(),
+            spec: StreamSpec::default(),
+            pending: VecDeque::new(),
+            finished: Vec::new(),
+            next_ticket: 0,
+        }
+    }
+
+    fn open(&self) -> usize {
+        self.pending.len() + self.finished.len()
+    }
+
+    /// Starts a kernel over `items`; `None` if there are none.
+    fn start(&mut self, how: How, items: &[u32]) -> Result<Option<Flight>, DeviceError> {
+        if items.is_empty() { Ok(None) } else { self.board.start(how.purpose(), items).map(Some) }
+    }
+
+    /// Waits for a kernel, and finishes its items on the host.
+    fn finish(
+        &mut self,
+        flight: Option<Flight>,
+        items: &[u32],
+        limit: Duration,
+        how: How,
+    ) -> Result<Finished, DeviceError> {
+        let Some(flight) = flight else {
+            return Ok(Finished::default());
+        };
+        let mut finished = Finished::default();
+        let Self { board, scene, source, .. } = self;
+        board.wait(flight, limit, &mut |answer| finished = finish(scene, source, how, items, &answer))?;
+        if let Some((ray, slot)) = finished.wrong {
+            let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
+            return Err(DeviceError::new(DeviceErrorKind::Lost, what));
+        }
+        self.tally.add(items.len(), finished.on_host);
+        Ok(finished)
+    }
+
+    /// Brings the oldest launch's results to the host.
+    fn collect(&mut self, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
+        let Some(Pending { flight, items, places, total, start, .. }) = self.pending.pop_front() else {
+            return Err(invalid("wait: no launch is in flight"));
+        };
+        out.clear();
+        let finished = self.finish(flight, &items, limit, How::Trace(self.spec))?;
+        out.hits.resize(total, Hit::MISS);
+        out.counts.resize(if self.spec.counts { total } else { 0 }, TestCounts::default());
+        for (i, &(hit, counts)) in finished.hits.iter().enumerate() {
+            let place = places.get(i).map_or(i, |&place| place as usize);
+            out.hits[place] = hit;
+            if let Some(slot) = out.counts.get_mut(place) {
+                *slot = counts;
+            }
+        }
+        out.span = self.span(start, finished.in_kernel);
+        Ok(())
+    }
+
+    fn span(&self, start: Duration, in_kernel: Duration) -> Span {
+        let end = (self.clock)();
+        Span { start, end, in_kernel: in_kernel.min(end.saturating_sub(start)) }
+    }
+}
+
+fn no_rays() -> RaySource {
+    RaySource::Explicit { rays: Arc::new([]), origins: None }
+}
+
+impl<B: Board> Tracer for GpuTracer<B> {
+    fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
+        check_load(&source, self.open())?;
+        self.source = no_rays();
+        rays::send(&mut self.board, &self.scene, &source)?;
+        (self.source, self.spec) = (source, spec);
+        Ok(())
+    }
+
+    fn walk(
+        &mut self,
+        rays: &[u32],
+        walk: Walk,
+        counts: &mut [TestCounts],
+        hits: Option<&mut [Hit]>,
+    ) -> Result<Span, DeviceError> {
+        check_walk(rays, counts, hits.as_deref(), self.source.len())?;
+        let how = match walk {
+            // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
+            Walk::Full => How::Trace(StreamSpec { counts: true, ..self.spec }),
+            Walk::Reduced(kind) => How::Reduced(kind, self.spec.precision),
+        };
+        let start = (self.clock)();
+        let flight = self.start(how, rays)?;
+        let finished = self.finish(flight, rays, WALK_LIMIT, how)?;
+        for (out, (_, found)) in counts.iter_mut().zip(&finished.hits) {
+            *out = *found;
+        }
+        for (out, (found, _)) in hits.unwrap_or_default().iter_mut().zip(&finished.hits) {
+            *out = *found;
+        }
+        Ok(self.span(start, finished.in_kernel))
+    }
+
+    fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
+        check_submit(tasks, self.source.len(), self.open(), IN_FLIGHT)?;
+        let start = (self.clock)();
+        let total: usize = tasks.iter().map(|task| task.rays as usize).sum();
+        let all = tasks.iter().flat_map(Task::range);
+        let (mut items, mut places) = (Vec::with_capacity(total), Vec::new());
+        match done {
+            None => items.extend(all),
+            Some(mask) => {
+                for (place, ray) in (0..).zip(all) {
+                    if !mask.contains(ray) {
+                        items.push(ray);
+                        places.push(place);
+                    }
+                }
+            }
+        }
+        let flight = self.start(How::Trace(self.spec), &items)?;
+        let ticket = Ticket(self.next_ticket);
+        self.next_ticket += 1;
+        self.pending.push_back(Pending { ticket, flight, items, places, total, start });
+        Ok(ticket)
+    }
+
+    fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
+        let begin = Instant::now();
+        if let Some(position) = self.finished.iter().position(|(t, _)| *t == ticket) {
+            *out = self.finished.swap_remove(position).1;
+            return Ok(());
+        }
+        if !self.pending.iter().any(|pending| pending.ticket == ticket) {
+            return Err(invalid(format!("wait: launch {} is not in flight", ticket.0)));
+        }
+        // Launches end in order, so earlier ones are taken to the host first.
+        loop {
+            let left = limit.saturating_sub(begin.elapsed());
+            match self.pending.front().map(|pending| pending.ticket) {
+                Some(oldest) if oldest != ticket => {
+                    let mut launch = Launch::default();
+                    self.collect(left, &mut launch)?;
+                    self.finished.push((oldest, launch));
+                }
+                _ => return self.collect(left, out),
+            }
+        }
+    }
+}
