@@ -1,5 +1,7 @@
-//! What the benchmarks share: scenes with cameras.
+//! What the benchmarks share: scenes with cameras, and the tracers that ours are compared with.
 #![forbid(unsafe_code)]
+
+pub mod peers;
 
 use rt_core::{CameraRays, RaySource, morton};
 use rt_scene::{Model, View, builtin, obj, view};

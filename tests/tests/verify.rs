@@ -16,7 +16,7 @@ fn suite() -> Suite {
 
 fn cpu(precision: Precision) -> Subject {
     let device = CpuDevice::open_all(&[0]).expect("threads").remove(0);
-    Subject { device: Arc::new(device), precision }
+    Subject::new(Arc::new(device), precision)
 }
 
 fn failed(report: &DeviceReport) -> Vec<&Row> {
@@ -27,7 +27,7 @@ fn failed(report: &DeviceReport) -> Vec<&Row> {
 fn finds(case: &str, flaw: Flaw) -> bool {
     let verdict = |device: FakeDevice| {
         let device: Arc<dyn Device> = Arc::new(device);
-        let subject = Subject { device, precision: Precision::Robust };
+        let subject = Subject::new(device, Precision::Robust);
         let report = suite().run_case(case, &subject, Watch::default()).expect("nobody stops it");
         assert!(!report.rows.is_empty(), "no case {case}");
         !failed(&report).is_empty()

@@ -83,6 +83,22 @@ pub struct Subject {
     pub device: Arc<dyn Device>,
     /// The precision that every ray is traced with.
     pub precision: Precision,
+    /// Whether it walks the trees that `rt_bvh` builds. A tracer that builds its own is not judged by ours.
+    pub walks_our_trees: bool,
+}
+
+impl Subject {
+    /// One of our own devices.
+    #[must_use]
+    pub fn new(device: Arc<dyn Device>, precision: Precision) -> Self {
+        Self { device, precision, walks_our_trees: true }
+    }
+
+    /// A tracer that builds trees of its own.
+    #[must_use]
+    pub fn peer(device: Arc<dyn Device>) -> Self {
+        Self { device, precision: Precision::default(), walks_our_trees: false }
+    }
 }
 
 /// How a run is watched and stopped.
@@ -155,6 +171,7 @@ impl Suite {
             suite: self,
             device: &*subject.device,
             precision: subject.precision,
+            walks_our_trees: subject.walks_our_trees,
             watch,
             span: Cell::new([0.0; 2]),
             case: Cell::new(""),

@@ -17,6 +17,9 @@ const BATCH: usize = 1 << 18;
 /// some seconds.
 const LIMIT: Duration = Duration::from_secs(300);
 
+/// Why a line about trees is skipped.
+pub(crate) const OWN_TREES: &str = "this tracer builds its own trees";
+
 /// Time since the process first asked for it: the clock that tracers under test are given.
 #[must_use]
 pub fn clock() -> Duration {
@@ -47,6 +50,7 @@ pub(crate) struct Trial<'a> {
     pub(crate) suite: &'a Suite,
     pub(crate) device: &'a dyn Device,
     pub(crate) precision: Precision,
+    pub(crate) walks_our_trees: bool,
     pub(crate) watch: Watch<'a>,
     /// Where the case that runs begins and how much of the whole it is, in shares of 1.
     pub(crate) span: Cell<[f64; 2]>,

@@ -4,7 +4,7 @@ use super::{built, count_primitives, judge_primitives};
 use crate::report::Row;
 use crate::suite::{Exam, Extent, Stopped};
 use crate::tally::Tally;
-use crate::trial::Trial;
+use crate::trial::{OWN_TREES, Trial};
 use crate::{Promise, shapes, tree};
 use glam::Vec3;
 use rt_bvh::Builder;
@@ -57,18 +57,7 @@ fn meshes() -> [(&'static str, Vec<Triangle>); 4] {
 
 pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped> {
     let meshes = meshes();
-    let mut depth = Tally::new(NAME, "depth, every builder", Promise::AnyMesh);
-    let mut deepest = 0;
-    for (i, (name, triangles)) in meshes.iter().enumerate() {
-        for &builder in Builder::ALL {
-            trial.advance(0.5 * i as f64 / meshes.len() as f64)?;
-            let Some(scene) = built(tree::build(triangles, builder), &mut depth) else { continue };
-            deepest = scene.depth().max(deepest);
-            depth.check(scene.depth() <= MAX_DEPTH, || format!("{name}, {builder}: depth {}", scene.depth()));
-        }
-    }
-    depth.note(format!("deepest {deepest}, room for {MAX_DEPTH}"));
-    rows.push(depth.row());
+    rows.push(depths(trial, &meshes)?);
     for (i, (name, triangles)) in meshes.into_iter().enumerate() {
         trial.advance(0.5 + 0.4 * i as f64 / 4.0)?;
         rows.push(judged(trial, name, triangles));
@@ -80,6 +69,26 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     trial.advance(0.9)?;
     rows.push(build_times(trial));
     Ok(())
+}
+
+/// A line about the trees of every builder.
+fn depths(trial: &Trial<'_>, meshes: &[(&str, Vec<Triangle>)]) -> Result<Row, Stopped> {
+    let mut depth = Tally::new(NAME, "depth, every builder", Promise::AnyMesh);
+    if !trial.walks_our_trees {
+        depth.note(OWN_TREES);
+        return Ok(depth.row());
+    }
+    let mut deepest = 0;
+    for (i, (name, triangles)) in meshes.iter().enumerate() {
+        for &builder in Builder::ALL {
+            trial.advance(0.5 * i as f64 / meshes.len() as f64)?;
+            let Some(scene) = built(tree::build(triangles, builder), &mut depth) else { continue };
+            deepest = scene.depth().max(deepest);
+            depth.check(scene.depth() <= MAX_DEPTH, || format!("{name}, {builder}: depth {}", scene.depth()));
+        }
+    }
+    depth.note(format!("deepest {deepest}, room for {MAX_DEPTH}"));
+    Ok(depth.row())
 }
 
 /// A line about the hits on one mesh.
@@ -102,6 +111,10 @@ fn judged(trial: &Trial<'_>, name: &'static str, triangles: Vec<Triangle>) -> Ro
 /// Seconds of building a bad mesh over those of a soup of the same size; on a machine that does nothing else.
 fn build_times(trial: &Trial<'_>) -> Row {
     let mut tally = Tally::new(NAME, "build time, 3 × a soup's", Promise::AnyMesh);
+    if !trial.walks_our_trees {
+        tally.note(OWN_TREES);
+        return tally.row();
+    }
     if trial.options().extent != Extent::Full {
         tally.note("timed on a machine that does nothing else: with --full");
         return tally.row();
