@@ -76,7 +76,7 @@ impl WideTree {
             let inside = (scene.min[axis]..=scene.max[axis]).contains(&origin);
             let fine = step == pow2(LEAST_EXPONENT)
                 || compare(scene.max[axis], scene.min[axis], STEPS * step) != Ordering::Less;
-            if !scene.is_empty() && !(inside && fine) {
+            if !(scene.is_empty() || inside && fine) {
                 return Err(WideError::Grid { node: index, axis });
             }
         }
