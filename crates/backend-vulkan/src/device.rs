@@ -1,17 +1,17 @@
 //! Finding and opening devices.
 
 use crate::arithmetic;
-use crate::board::VulkanBoard;
+use crate::board::{Abandoned, VulkanBoard};
 use crate::buffer::{Buffer, Use};
-use crate::commands::Commands;
+use crate::commands::{Commands, Recorder};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
 use crate::pipeline::{BUFFERS, Layout, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally};
-use rt_shaders::Purpose;
+use rt_gpu::{GpuTracer, IN_FLIGHT, Tally, Trouble};
+use rt_shaders::{FloatControls, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -21,16 +21,22 @@ const LEAST_LLVMPIPE: u32 = 25;
 /// How to open devices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
-    /// Whether the validation layer checks every call. What it objects to becomes an error of kind
-    /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
+    /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
+    /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
+    /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
+    pub memory: Option<u64>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
 }
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
+        Self { validation, ..Self::default() }
     }
 }
 
@@ -48,6 +54,9 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<Layout>,
+    /// Runs in place of every kernel that traces, where a test wants it to.
+    instead: Option<Purpose>,
+    pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -64,10 +73,10 @@ impl VulkanDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options)).collect())
     }
 
-    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
+    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
         let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
             instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
@@ -86,7 +95,7 @@ impl VulkanDevice {
         if (buffers as usize) < BUFFERS {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
-        let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
+        let logical = Arc::new(Logical::new(Arc::clone(instance), physical, options)?);
         let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
@@ -94,9 +103,20 @@ impl VulkanDevice {
             // Vulkan does not tell.
             units: 1,
             in_flight: IN_FLIGHT,
-            memory: logical.memory(),
+            memory: logical.memory.size(),
         };
-        let shared = Shared { pipelines: Mutex::default(), layout: Arc::new(layout), logical, tally: Arc::default() };
+        let instead = match options.trouble {
+            Some(Trouble::Kernel(purpose)) => Some(purpose),
+            _ => None,
+        };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            layout: Arc::new(layout),
+            instead,
+            abandoned: Abandoned::default(),
+            logical,
+            tally: Arc::default(),
+        };
         match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
@@ -117,17 +137,43 @@ impl VulkanDevice {
         self.software
     }
 
+    /// What the device promises of the kernels' arithmetic, and they ask it for.
+    #[must_use]
+    pub fn float_controls(&self) -> FloatControls {
+        self.shared.logical.limits.float_controls
+    }
+
     /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
     /// that it is.
     ///
     /// # Errors
     /// What the layer said. Devices that were enumerated together share its messages.
     pub fn provoke_validation(&self) -> Result<(), DeviceError> {
-        let logical = &self.shared.logical;
-        let [from, to] = [Use::Download, Use::Upload].map(|purpose| Buffer::new(logical, "a word", 4, purpose));
-        let (from, to) = (from?, to?);
         // The wrong way round: neither buffer was made for it.
-        Commands::new(logical)?.record(|record| record.copy(&from, &to, 0, 4))?;
+        self.provoke([Use::Download, Use::Upload], |record, from, to| record.copy(from, to, 0, 4))
+    }
+
+    /// Records two copies to one place, the second of which does not wait for the first, and never runs them: an error
+    /// where the validation layer looks at synchronisation too.
+    ///
+    /// # Errors
+    /// As for [`VulkanDevice::provoke_validation`].
+    pub fn provoke_race(&self) -> Result<(), DeviceError> {
+        self.provoke([Use::Kernel, Use::Kernel], |record, from, to| {
+            record.copy(from, to, 0, 4);
+            record.copy(from, to, 0, 4);
+        })
+    }
+
+    fn provoke(
+        &self,
+        purposes: [Use; 2],
+        steps: impl FnOnce(&Recorder<'_>, &Buffer, &Buffer),
+    ) -> Result<(), DeviceError> {
+        let logical = &self.shared.logical;
+        let [from, to] = purposes.map(|purpose| Buffer::new(logical, "a word", 4, purpose));
+        let (from, to) = (from?, to?);
+        Commands::new(logical)?.record(|record| steps(record, &from, &to))?;
         logical.check_validation()
     }
 
@@ -158,6 +204,7 @@ impl Device for VulkanDevice {
 impl Shared {
     /// The kernel for a purpose and a scene's depth; compiled once.
     pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let purpose = if purpose == Purpose::Arithmetic { purpose } else { self.instead.unwrap_or(purpose) };
         let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;

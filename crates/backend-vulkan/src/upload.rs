@@ -53,18 +53,22 @@ impl Uploader {
 pub(crate) struct Resident(pub [Buffer; 4]);
 
 impl Resident {
-    pub(crate) fn new(
-        logical: &Arc<Logical>,
+    /// Room for a scene.
+    pub(crate) fn new(logical: &Arc<Logical>, image: &SceneImage<'_>) -> Result<Self, DeviceError> {
+        logical.memory.check("the scene", image.bytes())?;
+        let room = |(what, bytes): (&str, &[u8])| Buffer::new(logical, what, bytes.len() as u64, Use::Kernel);
+        let [nodes, triangles, primitives, frame] = image.buffers();
+        Ok(Self([room(nodes)?, room(triangles)?, room(primitives)?, room(frame)?]))
+    }
+
+    /// Copies the scene that there is room for.
+    pub(crate) fn fill(
+        &self,
         uploader: &mut Uploader,
         timeline: &mut Timeline,
         image: &SceneImage<'_>,
-    ) -> Result<Self, DeviceError> {
-        let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
-            let buffer = Buffer::new(logical, what, bytes.len() as u64, Use::Kernel)?;
-            uploader.send(timeline, &buffer, 0, bytes)?;
-            Ok(buffer)
-        };
-        let [nodes, triangles, primitives, frame] = image.buffers();
-        Ok(Self([upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?]))
+    ) -> Result<(), DeviceError> {
+        let mut pairs = self.0.iter().zip(image.buffers());
+        pairs.try_for_each(|(buffer, (_, bytes))| uploader.send(timeline, buffer, 0, bytes))
     }
 }

@@ -15,11 +15,13 @@ mod pending;
 mod rays;
 mod tally;
 mod tracer;
+mod trouble;
 
 pub use board::{Answer, Board, Flight};
 pub use image::{Frame, SceneImage};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
+pub use trouble::Trouble;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

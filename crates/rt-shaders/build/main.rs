@@ -25,6 +25,13 @@ const PURPOSES: &[(&str, Flags)] = &[
     ("Unshortened", Flags { any: false, count: true, reduced: true, cut: false }),
 ];
 
+/// Kernels that do wrong on purpose: name in Rust, and the parts.
+const FAULTY: &[(&str, &[&str])] = &[
+    ("Poisoned", &["bindings.wgsl", "faulty/poisoned.wgsl"]),
+    ("Slow", &["bindings.wgsl", "faulty/slow.wgsl"]),
+    ("TooWide", &["bindings.wgsl", "faulty/too_wide.wgsl"]),
+];
+
 /// Sizes of the traversal stack. Trees of real scenes need some 30 to 50 entries; 128 is the most a scene may need.
 const STACKS: &[u32] = &[32, 64, 128];
 
@@ -54,6 +61,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     add(&mut kernels, &target, "Arithmetic", 0, &joined(ARITHMETIC)?)?;
+    for (purpose, parts) in FAULTY {
+        // They trace nothing, so that one will do for trees of any depth.
+        add(&mut kernels, &target, purpose, u32::MAX, &joined(parts)?)?;
+    }
     kernels += "];\n";
     fs::write(target.join("kernels.rs"), kernels + &layouts)?;
     Ok(())
