@@ -397,6 +397,14 @@ fn once(backend: Backend, _: usize) -> Result<(), Failed> {
         if traced.0 != wanted || walked == 0 {
             return Err(format!("{walk:?}: {} rays traced, not {wanted} ({walked} of them samples)", traced.0).into());
         }
+        let reports = &run.report.devices;
+        let told: u64 = reports.iter().filter_map(|device| device.on_host).sum();
+        let back: u64 = reports.iter().filter_map(|device| device.downloaded_bytes).sum();
+        let is_share = |share: Option<f64>| share.is_none_or(|share| share > 0.0 && share <= 1.0);
+        // At least a word for each ray.
+        if told != traced.1 || back < 4 * wanted || !reports.iter().all(|device| is_share(device.kernel_share)) {
+            return Err(format!("{walk:?}: the report does not tell what was done: {reports:?}").into());
+        }
         // Edges and vertices are aimed at: some are in doubt, most are not.
         if traced.1 > rays / 2 {
             return Err(format!("{walk:?}: the host traced {} of {rays} rays", traced.1).into());
