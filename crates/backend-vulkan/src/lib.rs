@@ -33,4 +33,4 @@ mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::Tally;
+pub use rt_gpu::{Card, GpuDevice, Tally};
