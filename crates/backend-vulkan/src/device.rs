@@ -11,23 +11,26 @@ use crate::pipeline::{BUFFERS, Layout, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
 use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, fault_of_llvmpipe};
-use rt_shaders::Purpose;
+use rt_shaders::{Kernel, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// How to open devices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Whether the validation layer checks every call. What it objects to becomes an error of kind
     /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
+    pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
 }
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
+        Self { validation, kernels: None }
     }
 }
 
@@ -44,6 +47,7 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<Layout>,
+    kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -60,10 +64,10 @@ impl VulkanDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options)).collect())
     }
 
-    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
+    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
         let Description { name, driver, version, is_llvmpipe, is_software, model, slot, has_api, has_timelines, buffers } =
             instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
@@ -98,7 +102,13 @@ impl VulkanDevice {
             binding: logical.limits.binding,
             kernels: "SPIR-V, unchecked",
         };
-        let shared = Shared { pipelines: Mutex::default(), layout: Arc::new(layout), logical, tally: Arc::default() };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            layout: Arc::new(layout),
+            kernels: options.kernels,
+            logical,
+            tally: Arc::default(),
+        };
         match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
@@ -154,7 +164,7 @@ impl Shared {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel)?);
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &self.kernels.map_or_else(|| kernel.spirv(), |replace| replace(kernel)))?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }

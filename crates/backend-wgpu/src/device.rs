@@ -22,6 +22,15 @@ pub struct Options {
     pub kernels: Option<fn(&'static Kernel) -> String>,
 }
 
+impl Options {
+    /// Trusted kernels if the environment variable `RAYBALANCE_WGPU_TRUSTED` is `1`.
+    #[must_use]
+    pub fn from_env() -> Self {
+        let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
+        Self { trusted, kernels: None }
+    }
+}
+
 /// A graphics card or software rasteriser.
 #[derive(Debug)]
 pub struct WgpuDevice {
