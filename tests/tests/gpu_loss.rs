@@ -5,7 +5,7 @@
 //! one a failure.
 
 use backend_cpu::CpuDevice;
-use backend_vulkan::{OpenError, Options, VulkanDevice};
+use backend_vulkan::{GpuDevice, OpenError, Options, VulkanDevice};
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_balance::estimators::{Sampled, Uniform};
 use rt_balance::middleware::{Fault, Faulty};
@@ -121,7 +121,7 @@ fn missing(backend: &str, reason: String) -> Result<Completion, Failed> {
 
 fn vulkan(opening: Opening) -> Result<Vec<Opened>, String> {
     let Opening { memory, trouble } = opening;
-    let options = Options { validation: true, memory, trouble };
+    let options = Options { validation: true, memory, trouble, ..Options::default() };
     let found = match VulkanDevice::enumerate(options) {
         Err(OpenError::NoValidation) => VulkanDevice::enumerate(Options { validation: false, ..options }),
         found => found,
@@ -439,7 +439,7 @@ fn float_controls() -> Result<Completion, Failed> {
         Err(reason) => return missing("vulkan", reason),
     };
     let FloatControls { signed_zero_inf_nan, round_to_nearest, .. } = device.float_controls();
-    if device.is_software() && !(signed_zero_inf_nan && round_to_nearest) {
+    if device.card().software && !(signed_zero_inf_nan && round_to_nearest) {
         return Err(format!("{:?}", device.float_controls()).into());
     }
     Ok(Completion::Completed)

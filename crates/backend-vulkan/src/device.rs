@@ -10,16 +10,13 @@ use crate::logical::Logical;
 use crate::pipeline::{BUFFERS, Layout, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally, Trouble};
-use rt_shaders::{FloatControls, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Trouble, fault_of_llvmpipe};
+use rt_shaders::{FloatControls, Kernel, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
-const LEAST_LLVMPIPE: u32 = 25;
-
 /// How to open devices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
     /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
@@ -29,6 +26,8 @@ pub struct Options {
     pub memory: Option<u64>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
     pub trouble: Option<Trouble>,
+    /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
+    pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
 }
 
 impl Options {
@@ -44,8 +43,7 @@ impl Options {
 #[derive(Debug)]
 pub struct VulkanDevice {
     info: DeviceInfo,
-    driver: String,
-    software: bool,
+    card: Card,
     shared: Arc<Shared>,
 }
 
@@ -56,6 +54,7 @@ pub(crate) struct Shared {
     layout: Arc<Layout>,
     /// Runs in place of every kernel that traces, where a test wants it to.
     instead: Option<Purpose>,
+    kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
@@ -77,17 +76,24 @@ impl VulkanDevice {
     }
 
     fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
-        let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
-            instance.describe(physical);
+        let Description {
+            name,
+            driver,
+            version,
+            is_llvmpipe,
+            is_software,
+            model,
+            slot,
+            has_api,
+            has_timelines,
+            buffers,
+        } = instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
         if !has_api {
             return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
         }
-        if is_llvmpipe && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
-            return Err(refuse(format!(
-                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or \
-                 later"
-            )));
+        if is_llvmpipe && let Some(fault) = fault_of_llvmpipe(&version) {
+            return Err(refuse(fault));
         }
         if !has_timelines {
             return Err(refuse("it has no timeline semaphores".to_owned()));
@@ -105,6 +111,15 @@ impl VulkanDevice {
             in_flight: IN_FLIGHT,
             memory: logical.memory.size(),
         };
+        let card = Card {
+            name: name.clone(),
+            driver: format!("{driver} {version}"),
+            software: is_software,
+            model,
+            slot,
+            binding: logical.limits.binding,
+            kernels: "SPIR-V, unchecked",
+        };
         let instead = match options.trouble {
             Some(Trouble::Kernel(purpose)) => Some(purpose),
             _ => None,
@@ -113,6 +128,7 @@ impl VulkanDevice {
             pipelines: Mutex::default(),
             layout: Arc::new(layout),
             instead,
+            kernels: options.kernels,
             abandoned: Abandoned::default(),
             logical,
             tally: Arc::default(),
@@ -122,19 +138,7 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, driver: format!("{driver} {version}"), software: is_software, shared: Arc::new(shared) })
-    }
-
-    /// The driver's name and version.
-    #[must_use]
-    pub fn driver(&self) -> &str {
-        &self.driver
-    }
-
-    /// Whether it is a processor in the guise of a graphics card.
-    #[must_use]
-    pub const fn is_software(&self) -> bool {
-        self.software
+        Ok(Self { info, card, shared: Arc::new(shared) })
     }
 
     /// What the device promises of the kernels' arithmetic, and they ask it for.
@@ -176,18 +180,6 @@ impl VulkanDevice {
         Commands::new(logical)?.record(|record| steps(record, &from, &to))?;
         logical.check_validation()
     }
-
-    /// What the device's tracers have done so far.
-    #[must_use]
-    pub fn tally(&self) -> &Tally {
-        &self.shared.tally
-    }
-}
-
-/// The first number in Mesa's version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`.
-fn mesa_version(info: &str) -> Option<u32> {
-    let digits = info.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?;
-    digits.parse().ok()
 }
 
 impl Device for VulkanDevice {
@@ -198,6 +190,16 @@ impl Device for VulkanDevice {
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
+    }
+}
+
+impl GpuDevice for VulkanDevice {
+    fn card(&self) -> &Card {
+        &self.card
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
     }
 }
 
@@ -213,24 +215,14 @@ impl Shared {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel)?);
+        let own = || kernel.spirv_with(self.logical.limits.float_controls);
+        let code = self.kernels.map_or_else(own, |replace| replace(kernel));
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &code)?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }
 
     pub(crate) const fn layout(&self) -> &Arc<Layout> {
         &self.layout
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn old_software_rasterisers_are_known_by_their_driver_info() {
-        assert_eq!(mesa_version("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
-        assert_eq!(mesa_version("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
-        assert!(mesa_version("") < Some(LEAST_LLVMPIPE) && mesa_version("Mesa 22.3.6") < Some(LEAST_LLVMPIPE));
     }
 }

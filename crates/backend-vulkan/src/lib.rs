@@ -34,5 +34,5 @@ mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Tally, Trouble};
+pub use rt_gpu::{Card, GpuDevice, Tally, Trouble};
 pub use rt_shaders::{FloatControls, Purpose};

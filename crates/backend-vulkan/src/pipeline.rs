@@ -72,7 +72,8 @@ impl fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel) -> Result<Self, DeviceError> {
+    /// Compiles `code`, the kernel's or one in its place.
+    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel, code: &[u32]) -> Result<Self, DeviceError> {
         let device = layout.logical.raw();
         let refused = |source: vk::Result| {
             let kind = match source {
@@ -85,17 +86,16 @@ impl Pipeline {
             let what = format!("the Vulkan driver cannot compile the kernel {:?}: {source}", kernel.purpose);
             DeviceError::new(kind, what).with_source(source)
         };
-        let limits = &layout.logical.limits;
-        let (workgroup, most) = (kernel.workgroup.iter().product(), limits.workgroup);
+        let (workgroup, most) = (kernel.workgroup.iter().product(), layout.logical.limits.workgroup);
         if workgroup > most {
             // Drivers need not notice.
             let what =
                 format!("the kernel {:?} has workgroups of {workgroup}, and the device takes {most}", kernel.purpose);
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, what));
         }
-        let code = kernel.spirv_with(limits.float_controls);
-        let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: the code is valid SPIR-V, which naga checked, and asks for nothing that the device lacks.
+        let info = vk::ShaderModuleCreateInfo::default().code(code);
+        // SAFETY: the code is valid SPIR-V, which naga checked, or the test that put it in the kernel's place; and asks
+        // for nothing that the device lacks.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(refused)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)

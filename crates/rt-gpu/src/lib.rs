@@ -10,6 +10,7 @@
 
 pub mod arithmetic;
 mod board;
+mod card;
 mod image;
 mod pending;
 mod rays;
@@ -18,6 +19,7 @@ mod tracer;
 mod trouble;
 
 pub use board::{Answer, Board, Flight};
+pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 pub use image::{Frame, SceneImage};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
