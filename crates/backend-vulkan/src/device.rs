@@ -68,8 +68,18 @@ impl VulkanDevice {
     }
 
     fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
-        let Description { name, driver, version, is_llvmpipe, is_software, model, slot, has_api, has_timelines, buffers } =
-            instance.describe(physical);
+        let Description {
+            name,
+            driver,
+            version,
+            is_llvmpipe,
+            is_software,
+            model,
+            slot,
+            has_api,
+            has_timelines,
+            buffers,
+        } = instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
         if !has_api {
             return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
@@ -164,7 +174,11 @@ impl Shared {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &self.kernels.map_or_else(|| kernel.spirv(), |replace| replace(kernel)))?);
+        let pipeline = Arc::new(Pipeline::new(
+            &self.layout,
+            kernel,
+            &self.kernels.map_or_else(|| kernel.spirv(), |replace| replace(kernel)),
+        )?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }

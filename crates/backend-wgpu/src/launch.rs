@@ -90,7 +90,11 @@ impl Room {
             work: buffer("the list", listed, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
             found: buffer("the hits", u64::from(items) * WORD, written)?,
             counts: buffer("the counts", u64::from(counted) * COUNTS, written)?,
-            back: buffer("the results", Back::new(items, counted).size(), BufferUsages::MAP_READ | BufferUsages::COPY_DST)?,
+            back: buffer(
+                "the results",
+                Back::new(items, counted).size(),
+                BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            )?,
         })
     }
 }

@@ -112,7 +112,8 @@ impl Opened {
         self.scoped("create a buffer", DeviceErrorKind::Lost, make).map_err(|error| match error.kind() {
             DeviceErrorKind::OutOfMemory => {
                 let held = self.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
-                let text = format!("{what} of {size} bytes does not fit: the device has no more than {held} bytes for us");
+                let text =
+                    format!("{what} of {size} bytes does not fit: the device has no more than {held} bytes for us");
                 out_of_memory(text).with_source(error)
             }
             _ => error,

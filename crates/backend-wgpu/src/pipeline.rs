@@ -34,11 +34,8 @@ impl Pipeline {
             let device = &opened.device;
             let descriptor =
                 ShaderModuleDescriptor { label: kernel.entry.to_str().ok(), source: ShaderSource::Wgsl(source.into()) };
-            let module = if trusted {
-                trusted::module(device, descriptor)
-            } else {
-                device.create_shader_module(descriptor)
-            };
+            let module =
+                if trusted { trusted::module(device, descriptor) } else { device.create_shader_module(descriptor) };
             let layout = layout(device, kernel);
             let whole = device.create_pipeline_layout(&PipelineLayoutDescriptor {
                 label: None,

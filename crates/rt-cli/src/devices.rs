@@ -109,7 +109,10 @@ fn automatic() -> Vec<Spec> {
         (0..).zip(list).filter_map(|(index, found)| Some((*api, index, found.as_ref().ok()?.card())))
     });
     let cards = each_once(cards.filter(|(_, _, card)| !card.software));
-    cores.chain(cards.into_iter().map(|(api, index)| Kind::Gpu(api, index))).map(|kind| Spec { kind, speed: 1.0 }).collect()
+    cores
+        .chain(cards.into_iter().map(|(api, index)| Kind::Gpu(api, index)))
+        .map(|kind| Spec { kind, speed: 1.0 })
+        .collect()
 }
 
 /// The cards that are not, through another API, among those before them.
@@ -165,9 +168,10 @@ mod tests {
         assert_eq!(parse(" cpu:3@0.5").unwrap(), Spec { kind: Kind::Cpu(3), speed: 0.5 });
         assert_eq!(parse("vulkan:2").unwrap(), Spec { kind: Kind::Gpu(Api::Vulkan, 2), speed: 1.0 });
         assert_eq!(parse("wgpu:1@0.5").unwrap(), Spec { kind: Kind::Gpu(Api::Wgpu, 1), speed: 0.5 });
-        for bad in
-            ["", "gpu", "cpu:0", "cpu:x", "cpu:1@0", "cpu:1@2", "cpu:1@", "cpu:-1", "vulkan", "vulkan:x", "wgpu", "wgpu:-1"]
-        {
+        for bad in [
+            "", "gpu", "cpu:0", "cpu:x", "cpu:1@0", "cpu:1@2", "cpu:1@", "cpu:-1", "vulkan", "vulkan:x", "wgpu",
+            "wgpu:-1",
+        ] {
             let message = parse(bad).unwrap_err().to_string();
             assert!(message.starts_with("--devices") && message.contains(bad), "{message}");
         }
@@ -185,7 +189,8 @@ mod tests {
             binding: 1,
             kernels: "",
         };
-        let cards = [card(7, "0000:01:00.0"), card(7, "0000:02:00.0"), card(8, "0000:03:00.0"), card(7, "0000:04:00.0")];
+        let cards =
+            [card(7, "0000:01:00.0"), card(7, "0000:02:00.0"), card(8, "0000:03:00.0"), card(7, "0000:04:00.0")];
         let [a, b, c, d] = &cards;
         let (vulkan, wgpu) = (Api::Vulkan, Api::Wgpu);
         let seen = [(vulkan, 0, a), (vulkan, 1, b), (wgpu, 0, b), (wgpu, 1, a), (wgpu, 2, c), (wgpu, 3, d)];

@@ -67,7 +67,10 @@ fn a_kernel_that_does_not_compile_is_unsupported(found: &Found) -> Result<(), Fa
     must_be(DeviceErrorKind::Unsupported, trace_one(&device, LIMIT))?;
     let wrong_bindings = |kernel: &'static Kernel| match kernel.purpose {
         Purpose::Arithmetic => kernel.wgsl.to_owned(),
-        _ => kernel.wgsl.replace("@group(0) @binding(7)", "@group(0) @binding(9)").replace("COUNT: bool = false", "COUNT: bool = true"),
+        _ => kernel
+            .wgsl
+            .replace("@group(0) @binding(7)", "@group(0) @binding(9)")
+            .replace("COUNT: bool = false", "COUNT: bool = true"),
     };
     let device = open(found, Options { kernels: Some(wrong_bindings), ..Options::default() })?;
     must_be(DeviceErrorKind::Unsupported, trace_one(&device, LIMIT))?;
