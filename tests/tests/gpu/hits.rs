@@ -165,8 +165,9 @@ pub(crate) fn few_random_rays_are_left_to_the_host(found: &Found) -> Result<(), 
 /// Rays that end exactly where they hit, on a triangle so small and so close that a kernel's products are denormal.
 pub(crate) fn tiny_triangles_close_by(device: &dyn Device) -> Result<(), Failed> {
     let power = |exponent: i32| 2.0_f32.powi(exponent);
-    // 2⁻³⁶ across, where the kernels' SMALLEST begins, and thin, so that edge functions are about 2⁻⁸⁰.
-    let [width, height] = [power(-36), power(-44)];
+    // Local units are half as long as given ones, since the scene reaches to 1. So this is 2⁻³⁵ across, just above the
+    // kernels' SMALLEST, and thin, so that edge functions are about 2⁻⁸⁰.
+    let [width, height] = [power(-35), power(-43)];
     let corners = [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[x, y]| glam::Vec3::new(x * width, y * height, 0.0));
     let tiny = Triangle::new(corners[0], corners[1], corners[2]);
     // Keeps the scene's unit of length at about 1.
@@ -176,8 +177,8 @@ pub(crate) fn tiny_triangles_close_by(device: &dyn Device) -> Result<(), Failed>
         let [x, y] = random::pair(4, i, 0);
         let [z, w] = random::pair(4, i, 1);
         let backward = glam::Vec3::new(x - 0.5, y - 0.5, 1.0);
-        // Distances from 2⁻²³, twice the kernels' NEAREST.
-        let distance = power(-23) * (1.0 + z * z * 8.0);
+        // Local distances from 2⁻²³, twice the kernels' NEAREST.
+        let distance = power(-22) * (1.0 + z * z * 8.0);
         let target = glam::Vec3::new((w - 0.5) * width * 0.5, -0.5 * height, 0.0);
         let ray = Ray::new(target + backward * distance, -backward * (1.0 + w));
         let (hits, _) = tree::trace(&scene, StreamSpec::default(), &[(ray, u32::MAX)]);
