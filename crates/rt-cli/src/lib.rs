@@ -3,6 +3,7 @@
 
 mod args;
 mod balance;
+mod bench;
 pub mod chart;
 mod devices;
 mod experiment;
@@ -42,6 +43,7 @@ pub fn main() -> ExitCode {
         Command::Figure1(args) => figure1::run(&args),
         Command::Tradeoff(args) => tradeoff::run(&args),
         Command::Verify(args) => verify::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };
