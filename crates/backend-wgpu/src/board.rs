@@ -78,6 +78,7 @@ impl Board for WgpuBoard {
         let rays = self.rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
         let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
         let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
+        self.shared.count_launch();
         let [nodes, triangles, primitives, frame] = &self.scene;
         let inputs = [nodes, triangles, primitives, frame, rays];
         self.slots[index].start(inputs, &pipeline, items, purpose.counts())?;

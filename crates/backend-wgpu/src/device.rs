@@ -6,9 +6,10 @@ use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Trouble, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Purpose};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
 
@@ -20,6 +21,8 @@ pub struct Options {
     pub trusted: bool,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
 }
 
 impl Options {
@@ -27,7 +30,7 @@ impl Options {
     #[must_use]
     pub fn from_env() -> Self {
         let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
-        Self { trusted, kernels: None }
+        Self { trusted, ..Self::default() }
     }
 }
 
@@ -44,6 +47,8 @@ pub struct WgpuDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     options: Options,
+    /// Launches so far, walks too.
+    launches: AtomicU32,
     pub opened: Arc<Opened>,
     pub tally: Arc<Tally>,
 }
@@ -96,7 +101,13 @@ impl WgpuDevice {
             binding: opened.binding,
             kernels: if options.trusted { "WGSL, trusted" } else { "WGSL, checked" },
         };
-        let shared = Shared { pipelines: Mutex::default(), options, opened: Arc::new(opened), tally: Arc::default() };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            options,
+            launches: AtomicU32::default(),
+            opened: Arc::new(opened),
+            tally: Arc::default(),
+        };
         match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
@@ -133,8 +144,20 @@ impl GpuDevice for WgpuDevice {
 }
 
 impl Shared {
+    /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
+    pub(crate) fn count_launch(&self) {
+        let launch = self.launches.fetch_add(1, Ordering::Relaxed);
+        if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
+            self.opened.device.destroy();
+        }
+    }
+
     /// The kernel for a purpose and a scene's depth; compiled once.
     pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let purpose = match self.options.trouble {
+            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => instead,
+            _ => purpose,
+        };
         let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
@@ -143,7 +166,7 @@ impl Shared {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let Options { trusted, kernels } = self.options;
+        let Options { trusted, kernels, .. } = self.options;
         let replaced = kernels.map(|replace| replace(kernel));
         let source = replaced.as_deref().unwrap_or(kernel.wgsl);
         let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, source, trusted && kernels.is_none())?);
