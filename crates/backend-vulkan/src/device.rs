@@ -7,11 +7,11 @@ use crate::commands::Commands;
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::pipeline::{self, BUFFERS, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, fault_of_llvmpipe};
-use rt_shaders::{Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -23,6 +23,8 @@ pub struct Options {
     pub validation: bool,
     /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
     pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
 }
 
 impl Options {
@@ -30,7 +32,7 @@ impl Options {
     #[must_use]
     pub fn from_env() -> Self {
         let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
-        Self { validation, kernels: None }
+        Self { validation, ..Self::default() }
     }
 }
 
@@ -39,14 +41,15 @@ impl Options {
 pub struct VulkanDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
-    layout: Arc<Layout>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<pipeline::Layout>,
     kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
@@ -94,7 +97,7 @@ impl VulkanDevice {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
-        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
             backend: "vulkan",
@@ -124,7 +127,14 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, shared: Arc::new(shared) })
+        let layouts = options.layouts.unwrap_or(Layouts::usual(is_software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
     /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
@@ -148,6 +158,7 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -164,13 +175,13 @@ impl GpuDevice for VulkanDevice {
 }
 
 impl Shared {
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (layout, purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
@@ -183,7 +194,7 @@ impl Shared {
         Ok(pipeline)
     }
 
-    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+    pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {
         &self.layout
     }
 }

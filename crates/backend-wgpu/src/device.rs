@@ -6,8 +6,8 @@ use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, fault_of_llvmpipe};
-use rt_shaders::{Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
@@ -20,6 +20,8 @@ pub struct Options {
     pub trusted: bool,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
 }
 
 impl Options {
@@ -27,7 +29,7 @@ impl Options {
     #[must_use]
     pub fn from_env() -> Self {
         let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
-        Self { trusted, kernels: None }
+        Self { trusted, ..Self::default() }
     }
 }
 
@@ -36,13 +38,14 @@ impl Options {
 pub struct WgpuDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
     pub opened: Arc<Opened>,
     pub tally: Arc<Tally>,
@@ -102,7 +105,8 @@ impl WgpuDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, shared: Arc::new(shared) })
+        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
@@ -117,6 +121,7 @@ impl Device for WgpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = WgpuBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -133,17 +138,17 @@ impl GpuDevice for WgpuDevice {
 }
 
 impl Shared {
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let Options { trusted, kernels } = self.options;
+        let Options { trusted, kernels, .. } = self.options;
         let replaced = kernels.map(|replace| replace(kernel));
         let source = replaced.as_deref().unwrap_or(kernel.wgsl);
         let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, source, trusted && kernels.is_none())?);
