@@ -24,7 +24,8 @@ pub struct Options {
     /// Whether the validation layer checks every call. What it objects to becomes an error of kind
     /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
+    /// one alone ([`Layouts::default`]) may.
     pub layouts: Option<Layouts>,
 }
 
@@ -114,7 +115,7 @@ impl VulkanDevice {
             info,
             driver: format!("{driver} {version}"),
             software: is_software,
-            layouts: layouts.unwrap_or(Layouts::usual(is_software)),
+            layouts: layouts.unwrap_or(Layouts::USUAL),
             shared: Arc::new(shared),
         })
     }

@@ -71,7 +71,8 @@ impl Resident {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let buffers = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
-        Ok(Self { buffers, wide: upload(image.wide())? })
+        let (what, bytes) = image.wide();
+        Ok(Self { buffers, wide: upload((&what, bytes))? })
     }
 
     /// What kernels over a layout find at bindings 0 to 3.

@@ -46,7 +46,7 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) {
     }
 }
 
-// Fails when the padding is not doubled, when lower planes are rounded up, and when a ray's octant is turned round for
+// Fails when lower planes are rounded up, and when a ray's octant is turned round for
 // near planes but not for far ones.
 #[test]
 fn hits_are_those_of_every_triangle() {
