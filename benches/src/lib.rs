@@ -1,5 +1,7 @@
-//! What the benchmarks share: scenes with cameras.
+//! What the benchmarks share: scenes with cameras, and the tracers that ours are compared with.
 #![forbid(unsafe_code)]
+
+pub mod peers;
 
 use rt_bvh::Stack;
 use rt_core::{CameraRays, Hit, Query, RaySource, Scene, StreamSpec, morton};
