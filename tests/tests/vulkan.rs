@@ -76,10 +76,10 @@ fn main() {
 
 /// Devices with their labels; and in place of missing ones, subjects that say why.
 fn find() -> (Vec<(String, Arc<VulkanDevice>)>, Vec<Subject>) {
-    let found = match VulkanDevice::enumerate(Options { validation: true }) {
+    let found = match VulkanDevice::enumerate(Options { validation: true, ..Options::default() }) {
         Err(OpenError::NoValidation) if !is_required() => {
             println!("vulkan: the validation layer is not installed: calls are not checked");
-            VulkanDevice::enumerate(Options { validation: false })
+            VulkanDevice::enumerate(Options::default())
         }
         found => found,
     };
@@ -238,7 +238,7 @@ fn few_random_rays_are_left_to_the_host(index: usize) -> Result<(), Failed> {
 /// A wrong call is objected to: else no message in the other tests would mean nothing.
 fn the_validation_layer_is_at_work(index: usize) -> Result<Completion, Failed> {
     // Opened anew, so that the message does not reach the other tests.
-    let devices = match VulkanDevice::enumerate(Options { validation: true }) {
+    let devices = match VulkanDevice::enumerate(Options { validation: true, ..Options::default() }) {
         Err(e @ OpenError::NoValidation) if !is_required() => return Ok(Completion::ignored_with(e.to_string())),
         devices => devices?,
     };

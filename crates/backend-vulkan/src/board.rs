@@ -7,8 +7,8 @@ use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, IN_FLIGHT, SceneImage};
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, Trees};
 use rt_shaders::Purpose;
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,8 +20,7 @@ const DROP_LIMIT: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(crate) struct VulkanBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
+    trees: Trees,
     /// Taken only when the board is dropped.
     gpu: Option<Gpu>,
 }
@@ -40,15 +39,15 @@ struct Gpu {
 }
 
 impl VulkanBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
         let logical = &shared.logical;
         let mut timeline = Timeline::new(logical)?;
         let mut uploader = Uploader::new(logical)?;
-        let resident = Resident::new(logical, &mut uploader, &mut timeline, &SceneImage::new(scene))?;
+        let resident = Resident::new(logical, &mut uploader, &mut timeline, &scene.image())?;
         let slots = (0..=IN_FLIGHT).map(|_| Slot::new(logical, shared.layout())).collect::<Result<Vec<_>, _>>()?;
         logical.check_validation()?;
         let gpu = Gpu { timeline, uploader, resident, rays: None, slots, busy: Vec::new() };
-        Ok(Self { depth: scene.depth(), shared, gpu: Some(gpu) })
+        Ok(Self { trees: scene.trees(), shared, gpu: Some(gpu) })
     }
 
     fn gpu(&mut self) -> Result<&mut Gpu, DeviceError> {
@@ -79,7 +78,8 @@ impl Board for VulkanBoard {
     }
 
     fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
-        let pipeline = self.shared.pipeline(purpose, self.depth)?;
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
         let Gpu { timeline, resident, rays, slots, busy, .. } = self.gpu()?;
         let rays = rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
         let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));

@@ -7,11 +7,11 @@ use crate::commands::Commands;
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::pipeline::{self, BUFFERS, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally};
-use rt_shaders::Purpose;
+use rt_gpu::{GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally};
+use rt_shaders::{Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -24,13 +24,16 @@ pub struct Options {
     /// Whether the validation layer checks every call. What it objects to becomes an error of kind
     /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
 }
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
+        Self { validation, ..Self::default() }
     }
 }
 
@@ -40,14 +43,15 @@ pub struct VulkanDevice {
     info: DeviceInfo,
     driver: String,
     software: bool,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
-    layout: Arc<Layout>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<pipeline::Layout>,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -64,10 +68,14 @@ impl VulkanDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options.layouts)).collect())
     }
 
-    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
+    fn open(
+        instance: &Arc<Instance>,
+        physical: vk::PhysicalDevice,
+        layouts: Option<Layouts>,
+    ) -> Result<Self, OpenError> {
         let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
             instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
@@ -87,7 +95,7 @@ impl VulkanDevice {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
-        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
             backend: "vulkan",
@@ -102,7 +110,19 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, driver: format!("{driver} {version}"), software: is_software, shared: Arc::new(shared) })
+        Ok(Self {
+            info,
+            driver: format!("{driver} {version}"),
+            software: is_software,
+            layouts: layouts.unwrap_or(Layouts::usual(is_software)),
+            shared: Arc::new(shared),
+        })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
     /// The driver's name and version.
@@ -150,19 +170,20 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
 
 impl Shared {
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (layout, purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
@@ -171,7 +192,7 @@ impl Shared {
         Ok(pipeline)
     }
 
-    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+    pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {
         &self.layout
     }
 }

@@ -6,7 +6,7 @@ use crate::logical::Logical;
 use crate::timeline::Timeline;
 use bytemuck::NoUninit;
 use rt_core::DeviceError;
-use rt_gpu::{PATIENCE, SceneImage};
+use rt_gpu::{Layout, PATIENCE, SceneImage};
 use std::sync::Arc;
 
 /// Bytes copied to the device at once: large enough for the bus, small beside any scene that is worth a GPU.
@@ -48,9 +48,14 @@ impl Uploader {
     }
 }
 
-/// A scene on the device: the buffers of [`SceneImage::buffers`], in their order.
+/// A scene on the device.
 #[derive(Debug)]
-pub(crate) struct Resident(pub [Buffer; 4]);
+pub(crate) struct Resident {
+    /// Those of [`SceneImage::buffers`], in their order.
+    buffers: [Buffer; 4],
+    /// The wide tree; without one a word.
+    wide: Buffer,
+}
 
 impl Resident {
     pub(crate) fn new(
@@ -65,6 +70,17 @@ impl Resident {
             Ok(buffer)
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
-        Ok(Self([upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?]))
+        let buffers = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
+        Ok(Self { buffers, wide: upload(image.wide())? })
+    }
+
+    /// What kernels over a layout find at bindings 0 to 3.
+    pub(crate) const fn bindings(&self, layout: Layout) -> [&Buffer; 4] {
+        let [two, triangles, primitives, frame] = &self.buffers;
+        let tree = match layout {
+            Layout::Two => two,
+            Layout::Wide => &self.wide,
+        };
+        [tree, triangles, primitives, frame]
     }
 }
