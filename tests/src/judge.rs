@@ -220,8 +220,8 @@ mod tests {
         })
     }
 
-    // Guards against: a bound below what single precision does, such as one without the errors of the edges, and one so
-    // wide that it says nothing.
+    // Guards against: a bound below what single precision does, such as the quotient's rounding alone, and one so wide
+    // that it says nothing.
     #[test]
     fn the_bound_holds_for_single_precision_and_not_for_much_less() {
         let sets = [
