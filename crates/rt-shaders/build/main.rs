@@ -9,7 +9,10 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The parts of every kernel that traces, in order; after them comes the loop over its layout.
+/// What keeps rounded results as they are: in the SPIR-V, and in the WGSL for APIs that compile it themselves.
+const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
+
+/// The other parts of every kernel that traces, in order; after them comes the loop over its layout.
 const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
 
 /// The layouts of trees: name in Rust, the loop, and sizes of the traversal stack.
@@ -18,7 +21,7 @@ const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "tr
 const TREES: &[(&str, &str, &[u32])] =
     &[("Two", "traverse.wgsl", &[32, 64, 128]), ("Wide", "wide.wgsl", &[16, 32, 128])];
 
-/// The parts of the kernel by which devices are checked.
+/// The other parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
 
 /// What kernels are for: name in Rust, and the constants that the sources ask for.
@@ -29,6 +32,13 @@ const PURPOSES: &[(&str, Flags)] = &[
     ("AnyCounted", Flags { any: true, count: true, reduced: false, cut: false }),
     ("LeafAsHit", Flags { any: false, count: true, reduced: true, cut: true }),
     ("Unshortened", Flags { any: false, count: true, reduced: true, cut: false }),
+];
+
+/// Kernels that do wrong on purpose: name in Rust, and the parts.
+const FAULTY: &[(&str, &[&str])] = &[
+    ("Poisoned", &["bindings.wgsl", "faulty/poisoned.wgsl"]),
+    ("Slow", &["bindings.wgsl", "faulty/slow.wgsl"]),
+    ("TooWide", &["bindings.wgsl", "faulty/too_wide.wgsl"]),
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
@@ -48,41 +58,58 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
     let mut modules = Vec::new();
     for (tree, walk, stacks) in TREES {
-        let body = joined(PARTS)? + &joined(&[*walk])?;
+        let bodies = joined(&[PARTS, &[*walk]].concat())?;
         for (purpose, flags) in PURPOSES {
             for &stack in *stacks {
-                let source = preamble(flags, stack) + &body;
-                modules.push(add(&mut kernels, &target, [tree, purpose], stack, &source)?);
+                let preamble = preamble(flags, stack);
+                let sources = bodies.each_ref().map(|body| preamble.clone() + body);
+                modules.push(add(&mut kernels, &target, [tree, purpose], stack, &sources)?);
             }
         }
     }
     add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
+    for (purpose, parts) in FAULTY {
+        // They trace nothing, so that one will do for trees of any layout and depth.
+        add(&mut kernels, &target, ["Two", purpose], u32::MAX, &joined(parts)?)?;
+    }
     kernels += "];\n";
     fs::write(target.join("kernels.rs"), kernels + &layout_table(&modules)?)?;
     Ok(())
 }
 
-fn joined(parts: &[&str]) -> std::io::Result<String> {
-    parts.iter().map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect()
+/// The parts behind each of [`KEEP`].
+fn joined(parts: &[&str]) -> std::io::Result<[String; 2]> {
+    let join = |keep| {
+        let files = std::iter::once(&keep).chain(parts);
+        files.map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect::<std::io::Result<String>>()
+    };
+    let [decorated, hidden] = KEEP;
+    Ok([join(decorated)?, join(hidden)?])
 }
 
-/// Compiles a kernel, writes its SPIR-V to `target` and its row to the table.
+/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of the
+/// second to `target`, and the row to the table.
 fn add(
     table: &mut String,
     target: &Path,
     [tree, purpose]: [&str; 2],
     stack: u32,
-    source: &str,
+    [decorated, hidden]: &[String; 2],
 ) -> Result<naga::Module, Box<dyn Error>> {
-    let (module, words) = compile(source).map_err(|e| format!("{tree}, {purpose}, stack of {stack}: {e}"))?;
-    let file = format!("{tree}-{purpose}-{stack}.spv");
+    let failed = |e| format!("{tree}, {purpose}, stack of {stack}: {e}");
+    let (module, words) = compile(decorated).map_err(failed)?;
+    // Only to see that it can be.
+    compile(hidden).map_err(failed)?;
+    let file = format!("{tree}-{purpose}-{stack}");
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    fs::write(target.join(&file), bytes)?;
+    fs::write(target.join(&file).with_extension("spv"), bytes)?;
+    fs::write(target.join(&file).with_extension("wgsl"), hidden)?;
     let entry = &module.entry_points[0];
     writeln!(
         table,
-        "    Kernel {{ layout: Layout::{tree}, purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
-         code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
+        "    Kernel {{ layout: Layout::{tree}, purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, \
+         bindings: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\")), \
+         wgsl: include_str!(concat!(env!(\"OUT_DIR\"), \"/{file}.wgsl\")) }},",
         entry.name,
         entry.workgroup_size,
         bindings(&module)?

@@ -28,6 +28,7 @@ fn trace(
     if item >= work.count {
         return;
     }
+    hide(frame.zero);
     let ray = rays[work.rays[item]];
     if (ray.kind & (KIND_MISS | KIND_HOST)) != 0u {
         found[item] = select(DOUBTFUL, MISS, (ray.kind & KIND_MISS) != 0u);
