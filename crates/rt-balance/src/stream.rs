@@ -45,10 +45,12 @@ impl Stream {
         self
     }
 
-    /// The estimator's view.
+    /// The estimator's view of the stream, when `devices` devices trace it.
     #[must_use]
-    pub fn view(&self) -> RayStream<'_> {
-        RayStream { kind: self.kind, tasks: &self.tasks, seed: self.seed, part: self.wave }
+    pub fn view(&self, devices: usize) -> RayStream<'_> {
+        let devices = u32::try_from(devices).unwrap_or(u32::MAX);
+        let (source, seed, part) = (Some(&self.source), self.seed, self.wave);
+        RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices }
     }
 
     /// Checks that the tasks cover the rays.

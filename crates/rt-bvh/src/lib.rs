@@ -30,4 +30,4 @@ pub use build::{BuildError, BuildReport, Built, Fallback, build};
 pub use options::PlocQuality;
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
 pub use stats::TreeStats;
-pub use trace::{Stack, count, offload, trace};
+pub use trace::{ReducedTree, Stack, count, offload, trace};

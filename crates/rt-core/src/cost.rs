@@ -1,6 +1,6 @@
 //! What tracing costs: device-independent work, a device's own seconds, and the estimator's seam.
 
-use crate::{Task, TaskId, TestCounts, Walk};
+use crate::{RaySource, Task, TaskId, TestCounts, Walk};
 use alloc::vec::Vec;
 use core::fmt::{self, Debug};
 
@@ -180,6 +180,11 @@ pub struct RayStream<'a> {
     pub seed: u32,
     /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
     pub part: u32,
+    /// The rays themselves, for estimators that learn where in the scene rays are dear; `None` where the caller has
+    /// only their number.
+    pub source: Option<&'a RaySource>,
+    /// Number of devices that will trace the stream: what an exact estimate is worth depends on it.
+    pub devices: u32,
 }
 
 impl RayStream<'_> {
@@ -236,6 +241,32 @@ pub struct LaunchRecord<'a> {
     pub device: usize,
     /// The tasks of the launch.
     pub outcomes: &'a [TaskOutcome],
+    /// Whether each task's seconds were measured; otherwise only their sum was.
+    pub per_task: bool,
+}
+
+/// What a finished stream tells about the price of its estimate.
+#[derive(Clone, Copy, Debug)]
+pub struct StreamRecord<'a> {
+    /// The stream.
+    pub stream: RayStream<'a>,
+    /// Rays that were walked for the estimate.
+    pub walked_rays: u64,
+    /// Device seconds of those walks, over all devices.
+    pub walk_s: f64,
+    /// Rays traced in launches, those with kept hits left out.
+    pub traced_rays: u64,
+    /// Device seconds of those launches, over all devices.
+    pub trace_s: f64,
+}
+
+impl StreamRecord<'_> {
+    /// Seconds of a walked ray in seconds of a traced one, without a unit; `None` unless both were measured.
+    #[must_use]
+    pub fn walk_price(&self) -> Option<f64> {
+        let price = (self.walk_s / self.walked_rays as f64) / (self.trace_s / self.traced_rays as f64);
+        (price.is_finite() && price > 0.0).then_some(price)
+    }
 }
 
 /// Estimates the work of each task of a stream.
@@ -259,6 +290,11 @@ pub trait CostEstimator: Debug + Send {
     /// Learns from a finished launch. Called after the stream was traced; most estimators ignore it.
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         let _ = launch;
+    }
+
+    /// Learns what the estimate cost. Called once after the last [`CostEstimator::learn`] of a stream.
+    fn finish(&mut self, record: &StreamRecord<'_>) {
+        let _ = record;
     }
 }
 

@@ -27,7 +27,7 @@ pub(crate) struct Pending {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum How {
     Trace(StreamSpec),
-    Reduced(ReducedWalk, Precision),
+    Reduced(ReducedWalk, Purpose),
 }
 
 impl How {
@@ -37,8 +37,7 @@ impl How {
             Self::Trace(StreamSpec { query: Query::Closest, counts: true, .. }) => Purpose::ClosestCounted,
             Self::Trace(StreamSpec { query: Query::Any, counts: false, .. }) => Purpose::Any,
             Self::Trace(StreamSpec { query: Query::Any, counts: true, .. }) => Purpose::AnyCounted,
-            Self::Reduced(ReducedWalk::LeafAsHit, _) => Purpose::LeafAsHit,
-            Self::Reduced(ReducedWalk::Unshortened, _) => Purpose::Unshortened,
+            Self::Reduced(_, purpose) => purpose,
         }
     }
 }
@@ -110,7 +109,7 @@ fn on_host(scene: &Scene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32))
     let ray = std::iter::once(ray);
     match how {
         How::Trace(spec) => rt_bvh::trace(scene, stack, spec, ray, sink),
-        How::Reduced(kind, precision) => rt_bvh::count(scene, stack, Walk::Reduced(kind), precision, ray, sink),
+        How::Reduced(kind, _) => rt_bvh::count(scene, stack, Walk::Reduced(kind), Precision::default(), ray, sink),
     }
     out
 }

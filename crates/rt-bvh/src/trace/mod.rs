@@ -13,11 +13,13 @@
 //! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
 
 pub mod offload;
+mod reduced;
 mod slabs;
 mod triangle;
 mod visitor;
 mod walk;
 
+pub use reduced::ReducedTree;
 pub use walk::Stack;
 
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
@@ -46,7 +48,8 @@ where
 ///
 /// A visited node costs two box tests, one where a child is absent; a leaf costs as many triangle tests as it holds
 /// triangles. [`Walk::Full`] finds the nearest hit as well: its counts and hits are those of [`trace`]. Reduced walks
-/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them.
+/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them. Those that need a
+/// [`ReducedTree`] make one for this call: who walks more than once keeps one and uses [`ReducedTree::count`].
 pub fn count<R, S>(scene: &Scene, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -58,6 +61,8 @@ where
         }
         Walk::Reduced(ReducedWalk::LeafAsHit) => walk::each::<Reduced<true>, R, S>(scene, stack, rays, sink),
         Walk::Reduced(ReducedWalk::Unshortened) => walk::each::<Reduced<false>, R, S>(scene, stack, rays, sink),
+        Walk::Reduced(ReducedWalk::LeafPlane) => ReducedTree::with_planes(scene).count(scene, stack, rays, sink),
+        Walk::Reduced(ReducedWalk::Truncated) => ReducedTree::truncated(scene).count(scene, stack, rays, sink),
     }
 }
 

@@ -7,8 +7,11 @@ use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 
 /// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
 pub(super) trait Visitor<'a>: Sized {
+    /// What it reads in leaves.
+    type Data: ?Sized;
+
     /// Begins a ray that must not hit the primitive `excluded`.
-    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
+    fn begin(data: &'a Self::Data, ray: LocalRay, excluded: u32) -> Self;
 
     /// The ray.
     fn ray(&self) -> &LocalRay;
@@ -30,15 +33,15 @@ pub(super) trait Visitor<'a>: Sized {
 /// Scratch memory of a traversal: children passed by that may have to be visited later.
 #[derive(Clone, Debug, Default)]
 pub struct Stack {
-    entries: Vec<Pending>,
+    pub(super) entries: Vec<Pending>,
 }
 
 /// A child whose box was entered.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pending {
-    child: u32,
-    count: u32,
-    entry: f32,
+pub(super) struct Pending {
+    pub(super) child: u32,
+    pub(super) count: u32,
+    pub(super) entry: f32,
 }
 
 impl Pending {
@@ -63,23 +66,39 @@ impl Stack {
     }
 }
 
-/// Walks every ray with a visitor of its own.
-pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, mut sink: S)
+/// Walks every ray through the scene's tree with a visitor of its own.
+pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, sink: S)
 where
+    V: Visitor<'a, Data = Scene>,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    each_in::<V, R, S>(scene, scene.nodes(), scene, stack, rays, sink);
+}
+
+/// Walks every ray through `nodes`: a tree in the coordinates of `scene`, not deeper than its own, whose leaves mean
+/// what `data` says.
+pub(super) fn each_in<'a, V, R, S>(
+    scene: &Scene,
+    nodes: &[Node],
+    data: &'a V::Data,
+    stack: &mut Stack,
+    rays: R,
+    mut sink: S,
+) where
     V: Visitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
     stack.fit(scene);
     let frame = Frame::of(scene);
-    let nodes = scene.nodes();
     let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
     for (ray, excluded) in rays {
         let Some(ray) = frame.localize(&ray) else {
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
-        let mut visitor = V::begin(scene, ray, excluded);
+        let mut visitor = V::begin(data, ray, excluded);
         let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &mut visitor) };
         if let Some(start) = start {
             // The visitor leaves the loop early when it knows the answer.
@@ -100,7 +119,12 @@ fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pendin
 
 /// Visits what the ray enters, front to back.
 #[inline(always)]
-fn walk<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut [Pending], start: Pending, visitor: &mut V) -> ControlFlow<()> {
+pub(super) fn walk<'a, V: Visitor<'a>>(
+    nodes: &[Node],
+    stack: &mut [Pending],
+    start: Pending,
+    visitor: &mut V,
+) -> ControlFlow<()> {
     // A copy, so that the compiler knows that visiting a leaf does not change it.
     let slabs = visitor.ray().slabs;
     let mut used = 0;

@@ -11,7 +11,7 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, tasks, seed, part: 0 }
+    RayStream { kind, tasks, seed, part: 0, source: None, devices: 2 }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
@@ -156,7 +156,7 @@ fn learn(history: &mut History, stream: RayStream<'_>, work: &[Work], factor: &d
         TaskOutcome { task, predicted_s, measured_s: predicted_s * factor(task) }
     };
     let outcomes: Vec<TaskOutcome> = (0..).zip(work).map(outcome).collect();
-    history.learn(&LaunchRecord { stream, work, device: 0, outcomes: &outcomes });
+    history.learn(&LaunchRecord { stream, work, device: 0, outcomes: &outcomes, per_task: true });
 }
 
 #[test]
