@@ -3,7 +3,7 @@
 use crate::member::Member;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
-use rt_sched::calibrate::{Calibration, Measured};
+use rt_sched::calibrate::{Calibration, Fit, Measured};
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -63,6 +63,11 @@ impl Models {
             let sum = launch.outcomes.iter().fold(Work::default(), |sum, outcome| sum.plus(left(outcome.task)));
             calibration.observe(measured(1.0, &sum, seconds));
         }
+    }
+
+    /// The prices of launches fitted so far.
+    pub(crate) fn fit(&self, key: Key) -> Option<Fit> {
+        self.launches.get(&key)?.fit()
     }
 
     /// Fitted seconds of a launch before its first ray, over all streams; 0 before anything was measured.

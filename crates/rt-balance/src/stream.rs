@@ -2,7 +2,7 @@
 
 use crate::BalanceError;
 use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
-use rt_sched::estimate::Sampled;
+use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -104,10 +104,10 @@ pub struct Scheduling {
 }
 
 impl Default for Scheduling {
-    /// The hybrid queue over sampled exact counts: 1 ray in 64, whose hits are kept.
+    /// The hybrid queue over the estimator that chooses for itself.
     fn default() -> Self {
         Self {
-            estimator: Box::new(Sampled::default()),
+            estimator: Box::new(Auto::default()),
             policy: None,
             queue: QueueKind::Hybrid,
             limit: Duration::from_secs(600),

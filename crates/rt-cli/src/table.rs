@@ -83,6 +83,8 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
         "Mray/s",
         "estimate",
         "of trace",
+        "by",
+        "±counts",
         "err counts",
         "err time",
         "makespan",
@@ -98,6 +100,8 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
             format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
             seconds(estimate.seconds),
             percent(estimate.overhead),
+            estimate.chosen.clone(),
+            percent(estimate.std_error),
             percent(estimate.mre_counts),
             percent(estimate.mre_time),
             seconds(report.makespan_s),
@@ -113,7 +117,7 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
 
 /// Sums over all streams for each device.
 fn devices(runs: &[StreamRun]) -> Table {
-    let mut table = Table::new(&["device", "busy", "share", "launches", "tasks", "rays"]);
+    let mut table = Table::new(&["device", "busy", "share", "launches", "tasks", "rays", "fit"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
     for index in 0..count {
@@ -127,6 +131,8 @@ fn devices(runs: &[StreamRun]) -> Table {
             grouped(parts.iter().map(|part| u64::from(part.launches)).sum()),
             grouped(parts.iter().map(|part| u64::from(part.tasks)).sum()),
             grouped(parts.iter().map(|part| part.rays).sum()),
+            // What the last stream's prices leave unexplained.
+            percent(last.model.map(|model| model.residual)),
         ];
         if let Some(error) = &last.error {
             cells.push(format!("failed: {error}"));

@@ -13,6 +13,9 @@ pub struct Work {
     std_error: f32,
 }
 
+/// A standard error that is not known. A number, so that equal works are equal.
+const UNKNOWN: f32 = -1.0;
+
 impl Work {
     /// Work of `rays` rays that make `boxes` box tests and `triangles` triangle tests in total.
     ///
@@ -20,13 +23,14 @@ impl Work {
     #[must_use]
     pub fn new(rays: f32, boxes: f32, triangles: f32) -> Self {
         let clamp = |x: f32| if x > 0.0 { x.min(f32::MAX) } else { 0.0 };
-        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: f32::NAN }
+        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: UNKNOWN }
     }
 
-    /// The same work with the standard error of its number of tests (boxes + triangles), in tests.
+    /// The same work with the standard error of its number of tests (boxes + triangles), in tests. Anything but a number
+    /// ≥ 0 says that it is not known.
     #[must_use]
     pub const fn with_std_error(mut self, std_error: f32) -> Self {
-        self.std_error = std_error;
+        self.std_error = if std_error >= 0.0 { std_error } else { UNKNOWN };
         self
     }
 
@@ -54,7 +58,7 @@ impl Work {
         self.boxes + self.triangles
     }
 
-    /// Standard error of [`Work::tests`], in tests; `None` where too few samples were taken to know it.
+    /// Standard error of [`Work::tests`] against exact counts, in tests; `None` where too little is known to say it.
     #[must_use]
     pub fn std_error(&self) -> Option<f32> {
         (self.std_error >= 0.0).then_some(self.std_error)
@@ -276,6 +280,12 @@ impl StreamRecord<'_> {
 pub trait CostEstimator: Debug + Send {
     /// Short name for reports, such as `"exact"`.
     fn name(&self) -> &'static str;
+
+    /// Name of the estimator that made the last estimate: another than [`CostEstimator::name`] where one chooses among
+    /// several.
+    fn chosen(&self) -> &'static str {
+        self.name()
+    }
 
     /// Takes the answer to the previous step and says what is wanted next. The first call of a stream carries an
     /// empty observation; after [`Step::Done`] the next call begins another stream.

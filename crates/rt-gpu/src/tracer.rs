@@ -4,9 +4,10 @@ use crate::pending::{Finished, How, Pending, finish};
 use crate::{Board, Flight, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
+    TestCounts, Ticket, Tracer, Walk,
 };
+use rt_shaders::Purpose;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
