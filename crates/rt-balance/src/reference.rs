@@ -3,11 +3,10 @@
 use crate::balancer::Balancer;
 use crate::measure::tests_of;
 use crate::member::Member;
-use crate::models::measured;
 use crate::report::{ErrorReport, StreamRun};
 use crate::{BalanceError, Stream, clock};
-use rt_core::{DeviceError, Launch, TestCounts, Work};
-use rt_sched::calibrate::Calibration;
+use rt_core::{DeviceError, Launch, TestCounts};
+use rt_sched::calibrate::cross_predicted;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::{bound, metrics};
 use std::time::Duration;
@@ -101,21 +100,6 @@ impl Reference {
         report.estimate.errors_time = errors(&cross_predicted(&run.work, &truth), &truth);
         report.estimate.mre_time = report.estimate.errors_time.map(|errors| errors.mean);
     }
-}
-
-/// Seconds of each task as predicted by prices that were fitted on other tasks: even ones predict odd ones and the
-/// other way round. NaN where too little was measured.
-fn cross_predicted(work: &[Work], truth: &[f64]) -> Vec<f64> {
-    let fits = [0, 1].map(|parity| {
-        let mut calibration = Calibration::new(f64::INFINITY);
-        for (work, &seconds) in work.iter().zip(truth).skip(parity).step_by(2) {
-            calibration.observe(measured(0.0, work, seconds));
-        }
-        calibration.fit()
-    });
-    let other = |task: usize| &fits[1 - task % 2];
-    let predict = |(task, work)| other(task).as_ref().map_or(f64::NAN, |fit| fit.model.seconds(work));
-    work.iter().enumerate().map(predict).collect()
 }
 
 /// The bound over the devices that did not fail.
