@@ -231,7 +231,8 @@ pub fn cross_predicted(work: &[Work], seconds: &[f64]) -> Vec<f64> {
         }
         calibration.fit()
     });
-    let predict = |(task, work): (usize, &Work)| fits[1 - task % 2].as_ref().map_or(f64::NAN, |fit| fit.model.seconds(work));
+    let predict =
+        |(task, work): (usize, &Work)| fits[1 - task % 2].as_ref().map_or(f64::NAN, |fit| fit.model.seconds(work));
     work.iter().enumerate().map(predict).collect()
 }
 

@@ -10,8 +10,6 @@ use std::error::Error;
 /// Exact counts and measured seconds of each task.
 #[derive(Debug)]
 pub(crate) struct Truth {
-    /// Exact work of each task.
-    pub(crate) work: Vec<Work>,
     /// Box and triangle tests of each task.
     pub(crate) tests: Vec<f64>,
     /// Thread seconds of each task, alone in its launch: the median of the passes.
@@ -58,7 +56,6 @@ impl Truth {
             repeatability: EstimateErrors::new(&half(0), &half(1)),
             counts_as_time: EstimateErrors::new(&cross_predicted(&work, &seconds), &seconds),
             with_cache_term: EstimateErrors::new(&cross_predicted_with(&work, &steps, &seconds), &seconds),
-            work,
             seconds,
         })
     }

@@ -1,6 +1,6 @@
 //! Costs from as many samples as they are worth.
 
-use super::batch::{Batch, Pool, tests, variance_of_ray};
+use super::batch::{Batch, Pool, tests};
 use super::price::WalkPrices;
 use crate::sample::{Fraction, RaySampler};
 use alloc::vec;
@@ -119,9 +119,7 @@ impl Open {
         for (task, _, sample) in self.batch(stream).tasks() {
             let own = at..at + sample.len();
             at = own.end;
-            let pooled = pool.around(own)?;
-            // Own differences even of few, with the neighbourhood's as one more.
-            let of_ray = (own_squares(sample, sampler) + pooled) / sample.len().max(1) as f64;
+            let of_ray = pool.variance(own, sample, sampler, BORROWED)?;
             let all = f64::from(task.rays);
             spread.push(all * libm::sqrt(of_ray));
             let error = super::batch::std_error(of_ray, sample.len(), task.rays);
@@ -143,10 +141,9 @@ impl Open {
     }
 }
 
-/// Sum of squared deviations of a task's sample, of which there are one less than samples.
-fn own_squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
-    variance_of_ray(sample, sampler).map_or(0.0, |variance| variance * (sample.len() as f64 - 1.0))
-}
+/// How many deviations of its own a task's neighbourhood counts for when samples are allocated: few, since the question is
+/// how tasks differ.
+const BORROWED: f64 = 1.0;
 
 /// Least price of a sample beyond its ray: what handing its result back and forth takes, about 1% of a ray.
 const LEAST_PRICE: f64 = 0.01;

@@ -68,8 +68,7 @@ impl<'a> Batch<'a> {
             let own = at..at + sample.len();
             at = own.end;
             let work = scaled_up(sample, task.rays);
-            let few = sample.len() < super::LEAST_SAMPLES as usize;
-            match if few { pool.around(own) } else { variance_of_ray(sample, sampler) } {
+            match pool.variance(own, sample, sampler, BORROWED) {
                 _ if sample.len() >= task.rays as usize => work.with_std_error(0.0),
                 Some(variance) => work.with_std_error(std_error(variance, sample.len(), task.rays) as f32),
                 None => work,
@@ -98,38 +97,53 @@ pub(super) fn std_error(variance: f64, samples: usize, rays: u32) -> f64 {
     if samples == 0 { f64::NAN } else { all * libm::sqrt((1.0 - n / all).max(0.0) * variance / n) }
 }
 
-/// Variance of the tests of one ray of a task from its sample; `None` below two.
-pub(super) fn variance_of_ray(sample: &[TestCounts], sampler: RaySampler) -> Option<f64> {
-    if sample.len() < 2 {
-        return None;
-    }
-    let n = sample.len() as f64;
-    Some(match sampler {
+/// Sum of squared deviations of a sample, as many as one less than samples.
+fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
+    let n = sample.len().max(1) as f64;
+    match sampler {
         RaySampler::Random => {
             let mean = sample.iter().map(tests).sum::<f64>() / n;
-            sample.iter().map(|c| (tests(c) - mean) * (tests(c) - mean)).sum::<f64>() / (n - 1.0)
+            sample.iter().map(|c| (tests(c) - mean) * (tests(c) - mean)).sum::<f64>()
         }
+        // K. Wolter, 1984, estimator 2: successive differences.
         RaySampler::Strided => {
             let steps = sample.windows(2).map(|pair| tests(&pair[1]) - tests(&pair[0]));
-            steps.map(|d| d * d).sum::<f64>() / (2.0 * (n - 1.0))
+            steps.map(|d| d * d).sum::<f64>() / 2.0
         }
-    })
+    }
 }
 
-/// What few samples borrow: the variance of a ray from successive differences of samples around it in the stream's
-/// order (K. Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2).
-/// Differences between tasks are counted as if they lay within one, which errs on the safe side.
+/// What samples borrow from their neighbourhood: the variance of a ray from successive differences of samples around
+/// them in the stream's order.
+///
+/// A sample that met no rare dear ray claims to be certain, and few samples know nothing of their variance; their
+/// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
+/// within one, which errs on the safe side.
 #[derive(Clone, Debug)]
 pub(super) struct Pool {
     /// Sums of squared differences before each sample; the first is of none.
     sums: Vec<f64>,
 }
 
-/// Samples a pool looks at around a task.
+/// Samples a pool looks at around a task: its own neighbours, and enough for a variance.
 const WINDOW: usize = 32;
 
+/// Fewest differences that make a variance.
+const LEAST_WINDOW: usize = 8;
+
+/// How many deviations the neighbourhood counts for in standard errors, beside a task's own.
+const BORROWED: f64 = 8.0;
+
 /// Degrees of freedom of a pooled variance: successive differences overlap, so 32 of them are worth some two thirds.
-pub(super) const POOLED_FREEDOM: u32 = 21;
+const POOLED_FREEDOM: f64 = 21.0;
+
+/// Degrees of freedom of [`Pool::variance`] for so many samples (F. Satterthwaite, *An Approximate Distribution of
+/// Estimates of Variance Components*, 1946).
+pub(super) fn freedom(samples: u32) -> f64 {
+    let own = f64::from(samples.saturating_sub(1));
+    let all = own + BORROWED;
+    all * all / (own + BORROWED * BORROWED / POOLED_FREEDOM)
+}
 
 impl Pool {
     pub(super) fn new(counts: &[TestCounts]) -> Self {
@@ -143,14 +157,28 @@ impl Pool {
         Self { sums: counts.iter().map(step).collect() }
     }
 
-    /// The variance around the samples `own`; `None` where the whole stream has fewer than a window.
-    pub(super) fn around(&self, own: core::ops::Range<usize>) -> Option<f64> {
+    /// Variance of the tests of one ray of the task whose samples are `own` of all; `None` where the whole stream has too
+    /// few. The neighbourhood counts for `borrowed` deviations, more than none.
+    pub(super) fn variance(
+        &self,
+        own: core::ops::Range<usize>,
+        sample: &[TestCounts],
+        sampler: RaySampler,
+        borrowed: f64,
+    ) -> Option<f64> {
+        let around = self.around(own)?;
+        let deviations = sample.len().saturating_sub(1) as f64;
+        Some((squares(sample, sampler) + borrowed * around) / (deviations + borrowed))
+    }
+
+    fn around(&self, own: core::ops::Range<usize>) -> Option<f64> {
         let count = self.sums.len();
-        if count <= WINDOW {
+        if count <= LEAST_WINDOW {
             return None;
         }
+        let window = WINDOW.min(count - 1);
         let middle = (own.start + own.end) / 2;
-        let first = middle.saturating_sub(WINDOW / 2).min(count - 1 - WINDOW);
-        Some((self.sums[first + WINDOW] - self.sums[first]) / (2.0 * WINDOW as f64))
+        let first = middle.saturating_sub(window / 2).min(count - 1 - window);
+        Some((self.sums[first + window] - self.sums[first]) / (2.0 * window as f64))
     }
 }

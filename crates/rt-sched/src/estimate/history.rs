@@ -20,6 +20,9 @@ pub struct History {
 /// by a page fault or another program, must not spoil the next frame; real changes get through in a few.
 const LARGEST_CORRECTION: f64 = 4.0;
 
+/// Fewest measured tasks that say how far predictions are off.
+const LEAST_OUTCOMES: f64 = 8.0;
+
 /// A traced stream.
 #[derive(Debug)]
 struct Past {
@@ -119,7 +122,7 @@ impl Misses {
 
     /// Their root mean square; `None` of too few to say.
     fn typical(&self) -> Option<f64> {
-        (self.count >= f64::from(super::LEAST_SAMPLES)).then(|| libm::sqrt(self.squares / self.count))
+        (self.count >= LEAST_OUTCOMES).then(|| libm::sqrt(self.squares / self.count))
     }
 }
 

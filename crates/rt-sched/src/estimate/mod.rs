@@ -29,7 +29,6 @@ pub use adaptive::Adaptive;
 pub use auto::Auto;
 pub use field::Field;
 pub use history::History;
-use sampled::LEAST_SAMPLES;
 pub use sampled::{Sampled, interval_95};
 
 use rt_core::{CostEstimator, Observation, RayStream, Step, Work};

@@ -1,6 +1,6 @@
 //! Costs from the counts of sampled rays.
 
-use super::batch::{Asked, Batch, POOLED_FREEDOM};
+use super::batch::{Asked, Batch, freedom};
 use crate::sample::Fraction;
 use rt_core::{CostEstimator, Observation, RayStream, ReducedWalk, Step, Walk, Work};
 
@@ -13,8 +13,8 @@ use rt_core::{CostEstimator, Observation, RayStream, ReducedWalk, Step, Walk, Wo
 /// The standard error of a task's tests is that of its sample: for random samples that of simple random sampling
 /// without replacement (W. Cochran, *Sampling Techniques*, 1977, 2.6), for strided ones from successive differences
 /// (K. Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2), both
-/// with the finite population correction. Below 8 samples it is pooled with the samples around it, and there is none
-/// where the whole stream has too few.
+/// with the finite population correction. Both borrow from the samples around them, so that a sample that met no dear
+/// ray does not claim to be certain; there is none where the whole stream has too few.
 #[derive(Clone, Debug)]
 pub struct Sampled {
     walk: Walk,
@@ -60,21 +60,16 @@ impl CostEstimator for Sampled {
     }
 }
 
-/// Fewest samples from which a task's own variance is taken. Counts are skewed, and below this the interval would not
-/// hold what it says.
-pub(super) const LEAST_SAMPLES: u32 = 8;
-
 /// Half the width of the 95% confidence interval of a task's tests, in tests, from its standard error and number of
 /// samples; `None` where the error is not known.
 ///
 /// The standard error times the quantile of Student's t distribution, by the expansion of M. Abramowitz and I. Stegun,
-/// *Handbook of Mathematical Functions* (1964), 26.7.5, which is within 10⁻³ here. Its degrees of freedom are `samples −
-/// 1`, or those of the pooled error below 8 samples.
+/// *Handbook of Mathematical Functions* (1964), 26.7.5, which is within 10⁻³ here.
 #[must_use]
 pub fn interval_95(work: &Work, samples: u32) -> Option<f64> {
     let error = f64::from(work.std_error()?);
     let z = 1.959_964;
-    let freedom = f64::from(if samples < LEAST_SAMPLES { POOLED_FREEDOM } else { samples - 1 });
+    let freedom = freedom(samples);
     let [z2, z4] = [z * z, z * z * z * z];
     let first = (z2 + 1.0) / 4.0;
     let second = (5.0 * z4 + 16.0 * z2 + 3.0) / 96.0;

@@ -131,7 +131,7 @@ fn intervals_hold_what_they_say() {
 #[test]
 fn errors_of_few_samples_are_pooled_or_not_given() {
     let tasks = tasks_of(100, 100);
-    for (fraction, known) in [(0.01, false), (0.02, false), (0.08, true), (1.0, true)] {
+    for (fraction, known) in [(0.01, false), (0.02, false), (0.08, false), (0.09, true), (1.0, true)] {
         let fraction = Fraction::new(fraction).expect("valid");
         let mut estimator = Sampled::new(Walk::Full, fraction);
         let (work, _) = estimate(&mut estimator, stream(StreamKind::Diffuse(1), &tasks, 5), &diffuse);
