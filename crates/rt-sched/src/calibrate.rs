@@ -283,10 +283,11 @@ mod tests {
     fn predictions_come_from_other_tasks() {
         let work: Vec<Work> = (0..40).map(|i| Work::new(100.0, 1_000.0 + 37.0 * (i * i % 11) as f32, 50.0)).collect();
         // Odd tasks run at half the speed: each half is predicted at the other's.
-        let price = |i: usize| if i % 2 == 0 { 1e-9 } else { 2e-9 };
+        let is_even = |i: usize| i.is_multiple_of(2);
+        let price = |i: usize| if is_even(i) { 1e-9 } else { 2e-9 };
         let seconds: Vec<f64> = work.iter().enumerate().map(|(i, w)| price(i) * f64::from(w.tests())).collect();
         for (i, (predicted, own)) in cross_predicted(&work, &seconds).iter().zip(&seconds).enumerate() {
-            let ratio = if i % 2 == 0 { 2.0 } else { 0.5 };
+            let ratio = if is_even(i) { 2.0 } else { 0.5 };
             assert!((predicted / own / ratio - 1.0).abs() < 0.05, "{i}: {predicted} {own}");
         }
         assert!(cross_predicted(&work, &[f64::NAN; 40]).iter().all(|p| p.is_nan()));
