@@ -8,7 +8,6 @@ use rt_core::{CameraRays, Hit, Query, RaySource, Scene, StreamSpec, morton};
 use rt_scene::streams::{Spawner, Sun};
 use rt_scene::{Model, View, builtin, obj, view};
 use std::error::Error;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,7 +35,7 @@ impl BenchScene {
         };
         let path = Path::new(scene);
         let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        let listed = camera_beside(path);
+        let listed = view::listed(path);
         let view = model.view.or(listed).unwrap_or_else(|| view::auto_view(&model));
         Ok(Self { name, model, view })
     }
@@ -77,18 +76,4 @@ impl BenchScene {
         ];
         Ok(streams.into_iter().filter(|(_, source, _)| !source.is_empty()).collect())
     }
-}
-
-/// The line of `cameras.tsv` for this file: name, eye, target, up, vertical field of view.
-fn camera_beside(path: &Path) -> Option<View> {
-    let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
-    let name = path.file_name()?.to_str()?;
-    let line = table.lines().find(|line| line.split('\t').next() == Some(name))?;
-    let fields: Vec<&str> = line.split('\t').collect();
-    let vector = |text: &str| {
-        let parts: Vec<f32> = text.split_whitespace().filter_map(|x| x.parse().ok()).collect();
-        (parts.len() == 3).then(|| glam::Vec3::from_slice(&parts))
-    };
-    let [_, eye, target, up, fov] = fields[..] else { return None };
-    Some(View { eye: vector(eye)?, target: vector(target)?, up: vector(up)?, fov_degrees: fov.trim().parse().ok()? })
 }

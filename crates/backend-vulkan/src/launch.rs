@@ -110,6 +110,7 @@ impl Slot {
         })?;
         self.counted = counts as usize;
         self.pipeline = Some(pipeline);
+        self.logical.count_launch();
         timeline.submit(self.commands.raw())
     }
 

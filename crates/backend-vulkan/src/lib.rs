@@ -27,10 +27,12 @@ mod error;
 mod instance;
 mod launch;
 mod logical;
+mod memory;
 mod pipeline;
 mod timeline;
 mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble};
+pub use rt_shaders::{FloatControls, Purpose};

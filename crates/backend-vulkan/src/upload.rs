@@ -58,20 +58,25 @@ pub(crate) struct Resident {
 }
 
 impl Resident {
-    pub(crate) fn new(
-        logical: &Arc<Logical>,
+    /// Room for a scene.
+    pub(crate) fn new(logical: &Arc<Logical>, image: &SceneImage<'_>) -> Result<Self, DeviceError> {
+        logical.memory.check("the scene", image.bytes())?;
+        let room = |(what, bytes): (&str, &[u8])| Buffer::new(logical, what, bytes.len() as u64, Use::Kernel);
+        let [nodes, triangles, primitives, frame] = image.buffers();
+        let buffers = [room(nodes)?, room(triangles)?, room(primitives)?, room(frame)?];
+        Ok(Self { buffers, wide: room(image.wide())? })
+    }
+
+    /// Copies the scene that there is room for.
+    pub(crate) fn fill(
+        &self,
         uploader: &mut Uploader,
         timeline: &mut Timeline,
         image: &SceneImage<'_>,
-    ) -> Result<Self, DeviceError> {
-        let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
-            let buffer = Buffer::new(logical, what, bytes.len() as u64, Use::Kernel)?;
-            uploader.send(timeline, &buffer, 0, bytes)?;
-            Ok(buffer)
-        };
-        let [nodes, triangles, primitives, frame] = image.buffers();
-        let buffers = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
-        Ok(Self { buffers, wide: upload(image.wide())? })
+    ) -> Result<(), DeviceError> {
+        let mut pairs = self.buffers.iter().zip(image.buffers());
+        pairs.try_for_each(|(buffer, (_, bytes))| uploader.send(timeline, buffer, 0, bytes))?;
+        uploader.send(timeline, &self.wide, 0, image.wide().1)
     }
 
     /// What kernels over a layout find at bindings 0 to 3.

@@ -25,7 +25,7 @@ pub(crate) struct WgpuBoard {
     trees: Trees,
     /// Those of [`rt_gpu::SceneImage::buffers`], in their order.
     scene: [Buffer; 4],
-    /// The wide tree, or nothing.
+    /// The wide tree; without one a word.
     wide: Buffer,
     sender: Sender,
     rays: Option<Buffer>,
@@ -81,6 +81,7 @@ impl Board for WgpuBoard {
         let rays = self.rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
         let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
         let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
+        self.shared.count_launch();
         let [two, triangles, primitives, frame] = &self.scene;
         let tree = match layout {
             Layout::Two => two,

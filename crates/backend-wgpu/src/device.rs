@@ -6,9 +6,10 @@ use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
 
@@ -18,10 +19,12 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
-    /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
-    pub kernels: Option<fn(&'static Kernel) -> String>,
     /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
     pub layouts: Option<Layouts>,
+    /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
+    pub kernels: Option<fn(&'static Kernel) -> String>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
 }
 
 impl Options {
@@ -47,6 +50,8 @@ pub struct WgpuDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
+    /// Launches so far, walks too.
+    launches: AtomicU32,
     pub opened: Arc<Opened>,
     pub tally: Arc<Tally>,
 }
@@ -99,7 +104,13 @@ impl WgpuDevice {
             binding: opened.binding,
             kernels: if options.trusted { "WGSL, trusted" } else { "WGSL, checked" },
         };
-        let shared = Shared { pipelines: Mutex::default(), options, opened: Arc::new(opened), tally: Arc::default() };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            options,
+            launches: AtomicU32::default(),
+            opened: Arc::new(opened),
+            tally: Arc::default(),
+        };
         match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
@@ -107,6 +118,12 @@ impl WgpuDevice {
         }
         let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
         Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
@@ -138,8 +155,20 @@ impl GpuDevice for WgpuDevice {
 }
 
 impl Shared {
+    /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
+    pub(crate) fn count_launch(&self) {
+        let launch = self.launches.fetch_add(1, Ordering::Relaxed);
+        if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
+            self.opened.device.destroy();
+        }
+    }
+
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.options.trouble {
+            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
         let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;

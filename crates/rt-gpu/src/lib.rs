@@ -17,6 +17,7 @@ mod rays;
 mod scene;
 mod tally;
 mod tracer;
+mod trouble;
 
 pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
@@ -25,6 +26,7 @@ pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
+pub use trouble::Trouble;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

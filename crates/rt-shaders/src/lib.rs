@@ -10,10 +10,15 @@
 //!
 //! * Two layouts: the two-wide tree of `rt_core` and the eight-wide compressed one of `rt_bvh`.
 //! * Kernels rely on additions and multiplications in single precision being rounded to nearest, one by one, as Vulkan
-//!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed.
+//!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed. A device that
+//!   can promise more is asked to ([`FloatControls`]).
 #![forbid(unsafe_code)]
 
 use std::ffi::CStr;
+
+mod float_controls;
+
+pub use float_controls::FloatControls;
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
@@ -51,6 +56,12 @@ pub enum Purpose {
     Unshortened,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
+    /// Wrong on purpose, for tests: every ray misses.
+    Poisoned,
+    /// Wrong on purpose, for tests: takes a second or more, and most rays are not answered.
+    Slow,
+    /// For tests: valid, but wider than any device takes, so that it cannot be compiled.
+    TooWide,
 }
 
 impl Purpose {
@@ -58,6 +69,12 @@ impl Purpose {
     #[must_use]
     pub const fn counts(self) -> bool {
         matches!(self, Self::ClosestCounted | Self::AnyCounted | Self::LeafAsHit | Self::Unshortened)
+    }
+
+    /// Whether the kernel does wrong on purpose.
+    #[must_use]
+    pub const fn is_faulty(self) -> bool {
+        matches!(self, Self::Poisoned | Self::Slow | Self::TooWide)
     }
 }
 
@@ -83,7 +100,13 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// The SPIR-V.
+    /// The SPIR-V for a device that has `controls`.
+    #[must_use]
+    pub fn spirv_with(&self, controls: FloatControls) -> Vec<u32> {
+        controls.apply(self.spirv())
+    }
+
+    /// The SPIR-V, for any device.
     #[must_use]
     pub fn spirv(&self) -> Vec<u32> {
         self.code.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
@@ -179,7 +202,10 @@ mod tests {
         let all = KERNELS[0].bindings;
         assert_eq!(all.iter().map(|b| b.binding).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
         for kernel in KERNELS {
-            assert_eq!((kernel.spirv()[0], kernel.workgroup), (MAGIC, [64, 1, 1]));
+            assert_eq!(kernel.spirv()[0], MAGIC);
+            if kernel.purpose != Purpose::TooWide {
+                assert_eq!(kernel.workgroup, [64, 1, 1]);
+            }
             if kernel.purpose == Purpose::Arithmetic {
                 assert_eq!(
                     kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
@@ -194,7 +220,7 @@ mod tests {
     /// Fails when the build leaves out the pass over the SPIR-V.
     #[test]
     fn every_sum_and_product_is_kept_apart() {
-        for kernel in KERNELS {
+        for kernel in KERNELS.iter().filter(|kernel| !kernel.purpose.is_faulty()) {
             let words = kernel.spirv();
             let (mut decorated, mut arithmetic) = (Vec::new(), Vec::new());
             let mut at = 5;
