@@ -14,6 +14,11 @@ impl Table {
         Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
     }
 
+    /// Whether there is nothing but the header.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rows.len() < 2
+    }
+
     pub(crate) fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
