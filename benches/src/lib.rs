@@ -1,7 +1,11 @@
-//! What the benchmarks share: scenes with cameras.
+//! What the benchmarks share: scenes with cameras, and the tracers that ours are compared with.
 #![forbid(unsafe_code)]
 
-use rt_core::{CameraRays, RaySource, morton};
+pub mod peers;
+
+use rt_bvh::Stack;
+use rt_core::{CameraRays, Hit, Query, RaySource, Scene, StreamSpec, morton};
+use rt_scene::streams::{Spawner, Sun};
 use rt_scene::{Model, View, builtin, obj, view};
 use std::error::Error;
 use std::path::Path;
@@ -44,5 +48,32 @@ impl BenchScene {
         let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
         let camera = self.view.camera()?;
         Ok(RaySource::Camera(Arc::new(CameraRays { camera, size, pixels, samples, seed })))
+    }
+
+    /// The streams of a path tracer's first steps that are not empty: primary rays of an image, shadow rays towards the sun and
+    /// diffuse rays from what those hit; each with its name and what is asked of it.
+    ///
+    /// # Errors
+    /// When the view makes no camera.
+    pub fn streams(
+        &self,
+        scene: &Scene,
+        size: [u32; 2],
+    ) -> Result<Vec<(&'static str, RaySource, Query)>, Box<dyn Error>> {
+        let primary = self.primary(size, 1, 1)?;
+        let mut hits: Vec<Hit> = Vec::with_capacity(primary.len() as usize);
+        let rays = (0..primary.len()).map(|i| primary.ray(i));
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), StreamSpec::default(), rays, |hit, _| hits.push(hit));
+        let spawner = Spawner { model: &self.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
+        let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
+        let all = 0..hits.len() as u32;
+        let shadow = spawner.shadow(&sun, all.clone()).into_source().0;
+        let diffuse = spawner.diffuse(all).into_source().0;
+        let streams = [
+            ("primary", primary, Query::Closest),
+            ("shadow", shadow, Query::Any),
+            ("diffuse", diffuse, Query::Closest),
+        ];
+        Ok(streams.into_iter().filter(|(_, source, _)| !source.is_empty()).collect())
     }
 }

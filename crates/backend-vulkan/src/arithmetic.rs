@@ -8,7 +8,7 @@ use crate::timeline::Timeline;
 use rt_core::DeviceError;
 use rt_gpu::PATIENCE;
 use rt_gpu::arithmetic::{Answer, PAIRS, first_fault, questions};
-use rt_shaders::Purpose;
+use rt_shaders::{Layout, Purpose};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check(shared: &Shared) -> Result<Option<String>, DeviceError> {
@@ -20,7 +20,7 @@ pub(crate) fn check(shared: &Shared) -> Result<Option<String>, DeviceError> {
     let (numbers, answers) = (numbers?, answers?);
     let download = Buffer::new(logical, "numbers", wanted, Use::Download)?;
     upload.write(0, &questions);
-    let pipeline = shared.pipeline(Purpose::Arithmetic, 0)?;
+    let pipeline = shared.pipeline(Layout::Two, Purpose::Arithmetic, 0)?;
     let mut bindings = Bindings::new(shared.layout())?;
     bindings.choose([&numbers, &numbers, &numbers, &numbers, &numbers, &numbers, &answers, &numbers]);
     let (mut commands, mut timeline) = (Commands::new(logical)?, Timeline::new(logical)?);

@@ -7,8 +7,8 @@ use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, IN_FLIGHT, SceneImage};
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, Trees};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -20,8 +20,7 @@ const DROP_LIMIT: Duration = Duration::from_secs(10);
 #[derive(Debug)]
 pub(crate) struct VulkanBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
+    trees: Trees,
     /// Taken only when the board is dropped.
     gpu: Option<Gpu>,
 }
@@ -40,10 +39,10 @@ pub(crate) struct Gpu {
 }
 
 impl VulkanBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
         shared.abandoned.sweep();
         let logical = &shared.logical;
-        let image = SceneImage::new(scene);
+        let image = scene.image();
         let gpu = Gpu {
             // First, so that a scene that does not fit is what is named.
             resident: Resident::new(logical, &image)?,
@@ -54,7 +53,7 @@ impl VulkanBoard {
             busy: Vec::new(),
         };
         // From here on dropping it waits for the device.
-        let mut board = Self { depth: scene.depth(), shared, gpu: Some(gpu) };
+        let mut board = Self { trees: scene.trees(), shared, gpu: Some(gpu) };
         board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
         board.shared.logical.check_validation()?;
         Ok(board)
@@ -106,7 +105,8 @@ impl Board for VulkanBoard {
     }
 
     fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
-        let pipeline = self.shared.pipeline(purpose, self.depth)?;
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
         self.on_gpu(|_, Gpu { timeline, resident, rays, slots, busy, .. }| {
             let rays = rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
             let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));

@@ -7,11 +7,11 @@ use crate::commands::{Commands, Recorder};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::pipeline::{self, BUFFERS, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Trouble, fault_of_llvmpipe};
-use rt_shaders::{FloatControls, Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -28,6 +28,8 @@ pub struct Options {
     pub trouble: Option<Trouble>,
     /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
     pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
 }
 
 impl Options {
@@ -44,14 +46,15 @@ impl Options {
 pub struct VulkanDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
-    layout: Arc<Layout>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<pipeline::Layout>,
     /// Runs in place of every kernel that traces, where a test wants it to.
     instead: Option<Purpose>,
     kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
@@ -102,7 +105,7 @@ impl VulkanDevice {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical, options)?);
-        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
             backend: "vulkan",
@@ -138,7 +141,14 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, shared: Arc::new(shared) })
+        let layouts = options.layouts.unwrap_or(Layouts::usual(is_software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
     /// What the device promises of the kernels' arithmetic, and they ask it for.
@@ -188,6 +198,7 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -204,14 +215,18 @@ impl GpuDevice for VulkanDevice {
 }
 
 impl Shared {
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let purpose = if purpose == Purpose::Arithmetic { purpose } else { self.instead.unwrap_or(purpose) };
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.instead {
+            // Those that do wrong on purpose read no tree.
+            Some(instead) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (layout, purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
@@ -222,7 +237,7 @@ impl Shared {
         Ok(pipeline)
     }
 
-    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+    pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {
         &self.layout
     }
 }

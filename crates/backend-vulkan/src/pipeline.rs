@@ -63,6 +63,7 @@ pub(crate) struct Pipeline {
     layout: Arc<Layout>,
     raw: vk::Pipeline,
     workgroup: u32,
+    tree: rt_shaders::Layout,
 }
 
 impl fmt::Debug for Pipeline {
@@ -110,7 +111,7 @@ impl Pipeline {
             Ok(pipelines) => pipelines[0],
             Err((_, source)) => return Err(refused(source)),
         };
-        Ok(Self { layout: Arc::clone(layout), raw, workgroup })
+        Ok(Self { layout: Arc::clone(layout), raw, workgroup, tree: kernel.layout })
     }
 
     pub(crate) const fn raw(&self) -> vk::Pipeline {
@@ -119,6 +120,11 @@ impl Pipeline {
 
     pub(crate) fn layout(&self) -> vk::PipelineLayout {
         self.layout.pipeline
+    }
+
+    /// The layout of the tree it walks.
+    pub(crate) const fn tree(&self) -> rt_shaders::Layout {
+        self.tree
     }
 
     /// Invocations in a workgroup.

@@ -4,7 +4,7 @@ use crate::device::Shared;
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_gpu::PATIENCE;
 use rt_gpu::arithmetic::{Answer, PAIRS, first_fault, questions};
-use rt_shaders::Purpose;
+use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
 
@@ -16,7 +16,7 @@ pub(crate) fn check(shared: &Shared) -> Result<Option<String>, DeviceError> {
     let numbers = opened.buffer("numbers", given, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
     let answers = opened.buffer("numbers", wanted, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let back = opened.buffer("numbers", wanted, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
-    let pipeline = shared.pipeline(Purpose::Arithmetic, 0)?;
+    let pipeline = shared.pipeline(Layout::Two, Purpose::Arithmetic, 0)?;
     let (tell, mapped) = sync_channel(1);
     let done = opened.scoped("add and multiply", DeviceErrorKind::Lost, || {
         opened.queue.write_buffer(&numbers, 0, bytemuck::cast_slice(&questions));

@@ -5,9 +5,9 @@ use crate::launch::Slot;
 use crate::opened::Opened;
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, IN_FLIGHT, PATIENCE, SceneImage};
-use rt_shaders::Purpose;
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, PATIENCE, Trees};
+use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
 use wgpu::{Buffer, BufferUsages, SubmissionIndex};
@@ -22,10 +22,11 @@ const SENDING: usize = 4 << 20;
 #[derive(Debug)]
 pub(crate) struct WgpuBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
-    /// Those of [`SceneImage::buffers`], in their order.
+    trees: Trees,
+    /// Those of [`rt_gpu::SceneImage::buffers`], in their order.
     scene: [Buffer; 4],
+    /// The wide tree, or nothing.
+    wide: Buffer,
     sender: Sender,
     rays: Option<Buffer>,
     /// One for each launch that may be in flight, and one for walks.
@@ -36,10 +37,10 @@ pub(crate) struct WgpuBoard {
 }
 
 impl WgpuBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
         let opened = &shared.opened;
         let mut sender = Sender { opened: Arc::clone(opened), last: None };
-        let image = SceneImage::new(scene);
+        let image = scene.image();
         let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
             let buffer = opened.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
             sender.send(&buffer, 0, bytes)?;
@@ -47,10 +48,11 @@ impl WgpuBoard {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
+        let wide = upload(image.wide())?;
         sender.finish()?;
         let slots = (0..=IN_FLIGHT).map(|_| Slot::new(opened)).collect::<Result<Vec<_>, _>>()?;
-        let depth = scene.depth();
-        Ok(Self { shared, depth, scene: resident, sender, rays: None, slots, busy: Vec::new(), started: 0 })
+        let trees = scene.trees();
+        Ok(Self { shared, trees, scene: resident, wide, sender, rays: None, slots, busy: Vec::new(), started: 0 })
     }
 }
 
@@ -74,13 +76,18 @@ impl Board for WgpuBoard {
     }
 
     fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
-        let pipeline = self.shared.pipeline(purpose, self.depth)?;
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
         let rays = self.rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
         let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
         let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
         self.shared.count_launch();
-        let [nodes, triangles, primitives, frame] = &self.scene;
-        let inputs = [nodes, triangles, primitives, frame, rays];
+        let [two, triangles, primitives, frame] = &self.scene;
+        let tree = match layout {
+            Layout::Two => two,
+            Layout::Wide => &self.wide,
+        };
+        let inputs = [tree, triangles, primitives, frame, rays];
         self.slots[index].start(inputs, &pipeline, items, purpose.counts())?;
         self.started += 1;
         let flight = Flight(self.started);

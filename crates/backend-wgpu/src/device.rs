@@ -6,8 +6,8 @@ use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Trouble, fault_of_llvmpipe};
-use rt_shaders::{Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -23,6 +23,8 @@ pub struct Options {
     pub kernels: Option<fn(&'static Kernel) -> String>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
     pub trouble: Option<Trouble>,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
 }
 
 impl Options {
@@ -39,13 +41,14 @@ impl Options {
 pub struct WgpuDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
     /// Launches so far, walks too.
     launches: AtomicU32,
@@ -113,7 +116,8 @@ impl WgpuDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, shared: Arc::new(shared) })
+        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
@@ -128,6 +132,7 @@ impl Device for WgpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = WgpuBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -152,17 +157,18 @@ impl Shared {
         }
     }
 
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let purpose = match self.options.trouble {
-            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => instead,
-            _ => purpose,
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.options.trouble {
+            // Those that do wrong on purpose read no tree.
+            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
         };
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }

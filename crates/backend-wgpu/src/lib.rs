@@ -28,4 +28,4 @@ mod trusted;
 
 pub use device::{Options, WgpuDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Tally};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally};

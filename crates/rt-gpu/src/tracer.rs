@@ -1,11 +1,11 @@
 //! One scene on one graphics card, as the driver sees it.
 
 use crate::pending::{Finished, How, Pending, finish};
-use crate::{Board, Flight, IN_FLIGHT, Tally, rays};
+use crate::{Board, Flight, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Traffic, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Span, StreamSpec, Task, TestCounts, Ticket,
+    Tracer, Traffic, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const WALK_LIMIT: Duration = Duration::from_secs(600);
 #[derive(Debug)]
 pub struct GpuTracer<B> {
     board: B,
-    scene: Arc<Scene>,
+    scene: GpuScene,
     clock: Clock,
     tally: Arc<Tally>,
     source: RaySource,
@@ -31,11 +31,11 @@ pub struct GpuTracer<B> {
 }
 
 impl<B: Board> GpuTracer<B> {
-    /// A tracer of `scene`, which is on `board`, that adds to `tally`.
-    pub fn new(board: B, scene: Arc<Scene>, clock: Clock, tally: Arc<Tally>) -> Self {
+    /// A tracer of `scene`, whose image is on `board`, that adds to `tally`.
+    pub fn new(board: B, scene: impl Into<GpuScene>, clock: Clock, tally: Arc<Tally>) -> Self {
         Self {
             board,
-            scene,
+            scene: scene.into().settled(),
             clock,
             tally,
             source: no_rays(),
@@ -120,7 +120,7 @@ impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        self.traffic.uploaded += rays::send(&mut self.board, &self.scene, &source)?;
+        self.traffic.uploaded += rays::send(&mut self.board, self.scene.given(), &source)?;
         (self.source, self.spec) = (source, spec);
         Ok(())
     }

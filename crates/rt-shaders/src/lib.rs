@@ -1,13 +1,14 @@
 //! The GPU kernels of raybalance, compiled from WGSL when this crate is built.
 //!
-//! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Purpose`] and each size of the traversal
-//! stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, WGSL that does
-//! without ([`Kernel::wgsl`]), and the table that [`kernel`] looks up. What a kernel reads and writes, and why its decisions are those of `rt_bvh`, is said in the
+//! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Layout`], [`Purpose`] and size of the
+//! traversal stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, WGSL that
+//! does without ([`Kernel::wgsl`]), and the table that [`kernel`] looks up. What a kernel reads and writes, and why its
+//! decisions are those of `rt_bvh`, is said in the
 //! sources.
 //!
 //! # Current state and limits
 //!
-//! * One layout: the two-wide tree of `rt_core`.
+//! * Two layouts: the two-wide tree of `rt_core` and the eight-wide compressed one of `rt_bvh`.
 //! * Kernels rely on additions and multiplications in single precision being rounded to nearest, one by one, as Vulkan
 //!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed. A device that
 //!   can promise more is asked to ([`FloatControls`]).
@@ -27,6 +28,16 @@ pub const MISS: u32 = u32::MAX;
 /// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in doubt
 /// what it hits.
 pub const DOUBTFUL: u32 = u32::MAX - 1;
+
+/// Which tree a kernel walks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Layout {
+    /// The scene's own: `rt_core::Node`.
+    #[default]
+    Two,
+    /// The eight-wide compressed one: `rt_bvh::WideNode`.
+    Wide,
+}
 
 /// What a kernel finds out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -70,6 +81,8 @@ impl Purpose {
 /// A compiled kernel.
 #[derive(Debug)]
 pub struct Kernel {
+    /// The tree it walks. [`Layout::Two`] for a kernel that does not trace.
+    pub layout: Layout,
     /// What it finds out.
     pub purpose: Purpose,
     /// Entries of its stack: at least the depth of the scene. 0 for a kernel that does not trace.
@@ -113,16 +126,17 @@ pub struct Binding {
     pub written: bool,
 }
 
-/// The kernel for a purpose whose stack is the smallest that suffices for a scene of that depth; `None` for depths above
-/// `rt_core::MAX_DEPTH`.
+/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for depths
+/// above `rt_core::MAX_DEPTH`.
 #[must_use]
-pub fn kernel(purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
-    KERNELS.iter().filter(|kernel| kernel.purpose == purpose && kernel.stack >= depth).min_by_key(|kernel| kernel.stack)
+pub fn kernel(layout: Layout, purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
+    let fits = |kernel: &&Kernel| kernel.layout == layout && kernel.purpose == purpose && kernel.stack >= depth;
+    KERNELS.iter().filter(fits).min_by_key(|kernel| kernel.stack)
 }
 
 /// A structure as kernels see it.
 #[cfg(test)]
-struct Layout {
+struct Structure {
     name: &'static str,
     size: u32,
     members: &'static [(&'static str, u32)],
@@ -132,6 +146,7 @@ struct Layout {
 mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
+    use rt_bvh::WideNode;
     use rt_bvh::offload::KernelRay;
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
@@ -145,6 +160,8 @@ mod tests {
         let node = [("planes", offset_of!(Node, bounds) as u32), ("links", offset_of!(Node, child) as u32)];
         assert_eq!(layout("Node"), (&node[..], size_of::<Node>()));
         assert_eq!(offset_of!(Node, count), offset_of!(Node, child) + 8, "both are one vector in the kernel");
+        // What is in its five words is checked by tracing.
+        assert_eq!(layout("WideNode"), (&[("words", 0)][..], size_of::<WideNode>()));
         assert_eq!(layout("Triangle"), (&[("vertices", 0)][..], size_of::<Triangle>()));
         let ray = [
             ("origin", offset_of!(KernelRay, origin)),
@@ -168,12 +185,14 @@ mod tests {
     #[test]
     fn every_purpose_has_a_kernel_for_every_depth() {
         use Purpose::{Any, AnyCounted, Closest, ClosestCounted, LeafAsHit, Unshortened};
-        for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
-            for depth in 0..=MAX_DEPTH {
-                let kernel = kernel(purpose, depth).expect("one for each depth");
-                assert!(kernel.stack >= depth && kernel.purpose == purpose);
+        for layout in [Layout::Two, Layout::Wide] {
+            for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
+                for depth in 0..=MAX_DEPTH {
+                    let kernel = kernel(layout, purpose, depth).expect("one for each depth");
+                    assert!(kernel.stack >= depth && (kernel.layout, kernel.purpose) == (layout, purpose));
+                }
+                assert!(kernel(layout, purpose, MAX_DEPTH + 1).is_none());
             }
-            assert!(kernel(purpose, MAX_DEPTH + 1).is_none());
         }
     }
 
@@ -192,6 +211,8 @@ mod tests {
                     kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
                     [(4, false), (6, true)]
                 );
+            } else if kernel.purpose.is_faulty() {
+                assert_eq!(kernel.bindings, &all[1..], "no tree");
             } else {
                 assert_eq!(kernel.bindings, all);
             }
