@@ -18,7 +18,7 @@ use rt_core::{
 };
 use rt_gpu::Trouble;
 use rt_sched::sample::Fraction;
-use rt_shaders::{FloatControls, Layout, Purpose};
+use rt_shaders::{FloatControls, Purpose};
 use rt_tests::conformance::clock;
 use rt_tests::rays::RayMaker;
 use rt_tests::{shapes, tree};
@@ -474,7 +474,7 @@ fn spirv_val() -> Result<Completion, Failed> {
     use Purpose::{Any, AnyCounted, Arithmetic, Closest, ClosestCounted, LeafAsHit, Unshortened};
     let all = FloatControls { signed_zero_inf_nan: true, denormals: true, round_to_nearest: true };
     for purpose in [Any, AnyCounted, Arithmetic, Closest, ClosestCounted, LeafAsHit, Unshortened] {
-        let words = rt_shaders::kernel(Layout::Two, purpose, 0).ok_or("a kernel")?.spirv_with(all);
+        let words = rt_shaders::kernel(rt_shaders::Layout::Two, purpose, 0).ok_or("a kernel")?.spirv_with(all);
         let file = std::env::temp_dir().join(format!("raybalance-{}-{purpose:?}.spv", std::process::id()));
         std::fs::write(&file, words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>())?;
         let mut command = Command::new("spirv-val");

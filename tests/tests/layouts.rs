@@ -55,7 +55,7 @@ fn main() {
     let device = open(Some(Layouts { trace: other, ..usual })).map(|device| Arc::new(device) as Arc<dyn Device>);
     let mut all = trials(vec![Subject::new("vulkan", label, device)]);
     let trial = |name: &str, test: Box<dyn Fn() -> Result<(), Failed> + Send>| {
-        Trial::test(name, move || test()).with_kind("vulkan/0/all wide")
+        Trial::test(name, test).with_kind("vulkan/0/all wide")
     };
     all.push(trial("closed_meshes_do_not_leak", Box::new(closed_meshes_do_not_leak)));
     all.push(trial("shapes_are_the_processors", Box::new(shapes_are_the_processors)));
@@ -78,8 +78,8 @@ fn main() {
 
 /// The first device, with the validation layer where there is one.
 fn open(layouts: Option<Layouts>) -> Result<VulkanDevice, String> {
-    let found = VulkanDevice::enumerate(Options { validation: true, layouts })
-        .or_else(|_| VulkanDevice::enumerate(Options { validation: false, layouts }));
+    let found = VulkanDevice::enumerate(Options { validation: true, layouts, ..Options::default() })
+        .or_else(|_| VulkanDevice::enumerate(Options { layouts, ..Options::default() }));
     let mut found = found.map_err(|e| e.to_string())?.into_iter();
     found.next().ok_or("there is no device")?.map_err(|e| e.to_string())
 }

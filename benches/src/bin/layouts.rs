@@ -3,7 +3,7 @@
 //! `cargo run --release -p rt-benches --bin layouts -- SCENE... [--runs 7] [--size 512x512] [--vulkan 0,1]`
 #![forbid(unsafe_code)]
 
-use backend_vulkan::{Layout, Layouts, VulkanDevice};
+use backend_vulkan::{GpuDevice, Layout, Layouts, VulkanDevice};
 use rt_balance::stats::median;
 use rt_benches::BenchScene;
 use rt_bvh::{BuildOptions, Mesh, Stack, WideTree, build};
@@ -95,7 +95,7 @@ fn subjects(options: &Options) -> Result<Vec<Subject>, Box<dyn Error>> {
             Ok(found.into_iter().nth(index).ok_or_else(|| format!("there is no vulkan:{index}"))??)
         };
         let devices = [open(Layout::Two)?, open(Layout::Wide)?];
-        let name = format!("vulkan:{index} {} ({})", devices[0].info().name, devices[0].driver());
+        let name = format!("vulkan:{index} {} ({})", devices[0].info().name, devices[0].card().driver);
         subjects.push(Subject { name, devices: Some(devices) });
     }
     Ok(subjects)

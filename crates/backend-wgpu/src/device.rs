@@ -19,12 +19,12 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`].
+    pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
     pub trouble: Option<Trouble>,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
-    pub layouts: Option<Layouts>,
 }
 
 impl Options {
@@ -116,8 +116,14 @@ impl WgpuDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
+        let layouts = options.layouts.unwrap_or(Layouts::USUAL);
         Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
@@ -160,7 +166,6 @@ impl Shared {
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
         let (layout, purpose) = match self.options.trouble {
-            // Those that do wrong on purpose read no tree.
             Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
             _ => (layout, purpose),
         };

@@ -13,7 +13,7 @@ use std::{env, fs};
 const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
 /// The other parts of every kernel that traces, in order; after them comes the loop over its layout.
-const PARTS: [&str; 4] = ["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
+const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
 
 /// The layouts of trees: name in Rust, the loop, and sizes of the traversal stack.
 ///
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
     let mut modules = Vec::new();
     for (tree, walk, stacks) in TREES {
-        let bodies = joined(&[&PARTS[..], &[*walk]].concat())?;
+        let bodies = joined(&[PARTS, &[*walk]].concat())?;
         for (purpose, flags) in PURPOSES {
             for &stack in *stacks {
                 let preamble = preamble(flags, stack);
@@ -69,7 +69,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
     for (purpose, parts) in FAULTY {
-        // They trace nothing, so that one will do for trees of any depth.
+        // They trace nothing, so that one will do for trees of any layout and depth.
         add(&mut kernels, &target, ["Two", purpose], u32::MAX, &joined(parts)?)?;
     }
     kernels += "];\n";

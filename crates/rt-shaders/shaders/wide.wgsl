@@ -153,8 +153,8 @@ fn trace(
 
 fn wide_slabs_of(ray: Ray, padding: vec3<f32>) -> WideSlabs {
     let up = ray.reciprocal >= vec3<f32>(0.0);
-    let lower = ray.origin + padding;
-    let upper = ray.origin - padding;
+    let lower = keep3(ray.origin + padding);
+    let upper = keep3(ray.origin - padding);
     let bits = select(vec3<u32>(0u), vec3<u32>(1u, 2u, 4u), up);
     return WideSlabs(
         select(upper, lower, up),
@@ -171,12 +171,18 @@ fn bytes_of(word: u32) -> vec4<u32> {
     return (vec4<u32>(word) >> vec4<u32>(0u, 8u, 16u, 24u)) & vec4<u32>(0xffu);
 }
 
+// Distances between a grid's origin and four of its planes.
+fn planes(word: u32, step: f32) -> vec4<f32> {
+    let at = vec4<f32>(bytes_of(word)) * step;
+    return vec4<f32>(keep(at.x), keep(at.y), keep(at.z), keep(at.w));
+}
+
 fn enter_wide(slabs: WideSlabs, node: WideNode, limit: f32) -> Entered {
     let exponents = bytes_of(node.words[0].w).xyz;
     let step = bitcast<vec3<f32>>(exponents << vec3<u32>(23u)) * slabs.reciprocal;
     let grid = bitcast<vec3<f32>>(node.words[0].xyz);
-    let near = (grid - slabs.near) * slabs.reciprocal;
-    let far = (grid - slabs.far) * slabs.reciprocal;
+    let near = keep3((grid - slabs.near) * slabs.reciprocal);
+    let far = keep3((grid - slabs.far) * slabs.reciprocal);
     // By axis: the planes through which the ray enters the eight boxes, then those through which it leaves.
     let x = select(vec4<u32>(node.words[3].zw, node.words[2].xy), vec4<u32>(node.words[2].xy, node.words[3].zw), slabs.up.x);
     let y = select(vec4<u32>(node.words[4].xy, node.words[2].zw), vec4<u32>(node.words[2].zw, node.words[4].xy), slabs.up.y);
@@ -198,13 +204,13 @@ fn enter_four(
     limit: f32,
 ) -> Entered {
     var enters_at = vec4<f32>(slabs.tmin);
-    enters_at = max(enters_at, vec4<f32>(bytes_of(enters.x)) * step.x + vec4<f32>(near.x));
-    enters_at = max(enters_at, vec4<f32>(bytes_of(enters.y)) * step.y + vec4<f32>(near.y));
-    enters_at = max(enters_at, vec4<f32>(bytes_of(enters.z)) * step.z + vec4<f32>(near.z));
+    enters_at = max(enters_at, planes(enters.x, step.x) + vec4<f32>(near.x));
+    enters_at = max(enters_at, planes(enters.y, step.y) + vec4<f32>(near.y));
+    enters_at = max(enters_at, planes(enters.z, step.z) + vec4<f32>(near.z));
     var leaves_at = vec4<f32>(limit);
-    leaves_at = min(leaves_at, vec4<f32>(bytes_of(leaves.x)) * step.x + vec4<f32>(far.x));
-    leaves_at = min(leaves_at, vec4<f32>(bytes_of(leaves.y)) * step.y + vec4<f32>(far.y));
-    leaves_at = min(leaves_at, vec4<f32>(bytes_of(leaves.z)) * step.z + vec4<f32>(far.z));
+    leaves_at = min(leaves_at, planes(leaves.x, step.x) + vec4<f32>(far.x));
+    leaves_at = min(leaves_at, planes(leaves.y, step.y) + vec4<f32>(far.y));
+    leaves_at = min(leaves_at, planes(leaves.z, step.z) + vec4<f32>(far.z));
     let inside = enters_at <= leaves_at;
 
     let slot = bytes_of(kinds);

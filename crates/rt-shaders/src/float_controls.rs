@@ -70,13 +70,13 @@ fn extension() -> Vec<u32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Layout, Purpose, kernel};
+    use crate::{Purpose, kernel};
 
     const ALL: FloatControls = FloatControls { signed_zero_inf_nan: true, denormals: true, round_to_nearest: true };
 
     #[test]
     fn modules_ask_for_what_is_promised_and_are_otherwise_the_same() {
-        let kernel = kernel(Layout::Two, Purpose::Closest, 20).expect("one for each depth");
+        let kernel = kernel(crate::Layout::Two, Purpose::Closest, 20).expect("one for each depth");
         let plain = kernel.spirv();
         assert_eq!(kernel.spirv_with(FloatControls::default()), plain);
         let one = FloatControls { signed_zero_inf_nan: true, ..FloatControls::default() };
