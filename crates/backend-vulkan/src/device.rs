@@ -1,6 +1,5 @@
 //! Finding and opening devices.
 
-use crate::arithmetic;
 use crate::board::VulkanBoard;
 use crate::buffer::{Buffer, Use};
 use crate::commands::Commands;
@@ -8,12 +7,13 @@ use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
 use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally};
+use rt_gpu::{GpuTracer, IN_FLIGHT, Tally, Tuning};
 use rt_shaders::Purpose;
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
 const LEAST_LLVMPIPE: u32 = 25;
@@ -40,6 +40,7 @@ pub struct VulkanDevice {
     info: DeviceInfo,
     driver: String,
     software: bool,
+    tuning: Tuning,
     shared: Arc<Shared>,
 }
 
@@ -48,6 +49,8 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<Layout>,
+    /// Whether it makes the host's camera rays; asked when the first are wanted.
+    makes_rays: OnceLock<bool>,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -96,13 +99,33 @@ impl VulkanDevice {
             in_flight: IN_FLIGHT,
             memory: logical.memory(),
         };
-        let shared = Shared { pipelines: Mutex::default(), layout: Arc::new(layout), logical, tally: Arc::default() };
-        match arithmetic::check(&shared) {
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            layout: Arc::new(layout),
+            makes_rays: OnceLock::new(),
+            logical,
+            tally: Arc::default(),
+        };
+        match probe::check_arithmetic(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, driver: format!("{driver} {version}"), software: is_software, shared: Arc::new(shared) })
+        let (driver, tuning) = (format!("{driver} {version}"), Tuning::default());
+        Ok(Self { info, driver, software: is_software, tuning, shared: Arc::new(shared) })
+    }
+
+    /// The device with other choices for the tracers that it will open.
+    #[must_use]
+    pub fn tuned(mut self, tuning: Tuning) -> Self {
+        self.tuning = tuning;
+        self
+    }
+
+    /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
+    #[must_use]
+    pub fn makes_rays(&self) -> bool {
+        self.shared.makes_rays()
     }
 
     /// The driver's name and version.
@@ -150,12 +173,17 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
+        let board = VulkanBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
 
 impl Shared {
+    pub(crate) fn makes_rays(&self) -> bool {
+        // A device that is lost will say so when it is used.
+        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+    }
+
     /// The kernel for a purpose and a scene's depth; compiled once.
     pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
         let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {

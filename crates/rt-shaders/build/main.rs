@@ -10,7 +10,11 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 /// The parts of every kernel that traces, in order.
-const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
+const PARTS: &[&str] =
+    &["bindings.wgsl", "ray.wgsl", "launch.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
+
+/// The parts of the kernel that makes camera rays.
+const CAMERA: &[&str] = &["ray.wgsl", "double_float.wgsl", "camera.wgsl"];
 
 /// The parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
@@ -44,17 +48,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let target = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
     let body = joined(PARTS)?;
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
-    let mut layouts = String::new();
+    let mut layouts = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Layout] = &[\n");
+    let mut tracing = None;
     for (purpose, flags) in PURPOSES {
         for &stack in STACKS {
             let module = add(&mut kernels, &target, purpose, stack, &(preamble(flags, stack) + &body))?;
-            if layouts.is_empty() {
-                layouts = layout_table(&module)?;
-            }
+            tracing = Some(module);
         }
     }
+    add_layouts(&mut layouts, &tracing.ok_or("some kernel traces")?, LAYOUTS)?;
+    let camera = add(&mut kernels, &target, "Camera", 0, &joined(CAMERA)?)?;
+    add_layouts(&mut layouts, &camera, &["Camera"])?;
     add(&mut kernels, &target, "Arithmetic", 0, &joined(ARITHMETIC)?)?;
     kernels += "];\n";
+    layouts += "];\n";
     fs::write(target.join("kernels.rs"), kernels + &layouts)?;
     Ok(())
 }
@@ -136,9 +143,8 @@ fn bindings(module: &naga::Module) -> Result<String, Box<dyn Error>> {
 }
 
 /// Offsets of members and sizes of structures, as the kernels see them.
-fn layout_table(module: &naga::Module) -> Result<String, Box<dyn Error>> {
-    let mut table = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Layout] = &[\n");
-    for name in LAYOUTS {
+fn add_layouts(table: &mut String, module: &naga::Module, names: &[&str]) -> Result<(), Box<dyn Error>> {
+    for name in names {
         let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
         let (_, structure) = found.ok_or_else(|| format!("no structure {name}"))?;
         let naga::TypeInner::Struct { members, span } = &structure.inner else {
@@ -148,6 +154,5 @@ fn layout_table(module: &naga::Module) -> Result<String, Box<dyn Error>> {
             members.iter().map(|m| format!("({:?}, {})", m.name.as_deref().unwrap_or(""), m.offset)).collect();
         writeln!(table, "    Layout {{ name: {name:?}, size: {span}, members: &[{}] }},", members.join(", "))?;
     }
-    table += "];\n";
-    Ok(table)
+    Ok(())
 }

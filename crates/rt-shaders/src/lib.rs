@@ -38,6 +38,8 @@ pub enum Purpose {
     LeafAsHit,
     /// Counts of the reduced traversal that never shortens the ray.
     Unshortened,
+    /// No traversal, but a stream's camera rays.
+    Camera,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
 }
@@ -106,7 +108,7 @@ struct Layout {
 mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
-    use rt_bvh::offload::KernelRay;
+    use rt_bvh::offload::{KernelCamera, KernelRay};
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
     fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
@@ -133,7 +135,23 @@ mod tests {
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
         assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16)][..], 32));
-        assert_eq!(layout("Work").0, &[("count", 0), ("rays", 4)]);
+        assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
+        let camera = [
+            ("origin", offset_of!(KernelCamera, origin)),
+            ("samples", offset_of!(KernelCamera, samples)),
+            ("forward", offset_of!(KernelCamera, forward)),
+            ("seed", offset_of!(KernelCamera, seed)),
+            ("right", offset_of!(KernelCamera, right)),
+            ("first", offset_of!(KernelCamera, first)),
+            ("up", offset_of!(KernelCamera, up)),
+            ("count", offset_of!(KernelCamera, count)),
+            ("pixel", offset_of!(KernelCamera, pixel)),
+            ("aspect", offset_of!(KernelCamera, aspect)),
+            ("tmax", offset_of!(KernelCamera, tmax)),
+            ("exponents", offset_of!(KernelCamera, exponents)),
+        ]
+        .map(|(name, offset)| (name, offset as u32));
+        assert_eq!(layout("Camera"), (&camera[..], size_of::<KernelCamera>()));
         // vec2<u32>.
         assert_eq!((offset_of!(TestCounts, boxes), offset_of!(TestCounts, triangles)), (0, 4));
         assert_eq!(size_of::<TestCounts>(), 8);
@@ -155,16 +173,16 @@ mod tests {
     fn every_kernel_is_spirv_with_the_same_buffers() {
         const MAGIC: u32 = 0x0723_0203;
         let all = KERNELS[0].bindings;
-        assert_eq!(all.iter().map(|b| b.binding).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
+        let mut numbers: Vec<u32> = all.iter().map(|b| b.binding).collect();
+        numbers.sort_unstable();
+        assert_eq!(numbers, (0..8).collect::<Vec<_>>());
         for kernel in KERNELS {
             assert_eq!((kernel.spirv()[0], kernel.workgroup), (MAGIC, [64, 1, 1]));
-            if kernel.purpose == Purpose::Arithmetic {
-                assert_eq!(
-                    kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
-                    [(4, false), (6, true)]
-                );
-            } else {
-                assert_eq!(kernel.bindings, all);
+            let bindings: Vec<_> = kernel.bindings.iter().map(|b| (b.binding, b.written)).collect();
+            match kernel.purpose {
+                Purpose::Arithmetic => assert_eq!(bindings, [(4, false), (6, true)]),
+                Purpose::Camera => assert_eq!(bindings, [(4, false), (5, false), (6, true)]),
+                _ => assert_eq!(kernel.bindings, all),
             }
         }
     }
