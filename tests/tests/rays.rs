@@ -199,7 +199,7 @@ fn persistent_threads_change_nothing(device: VulkanDevice) -> Result<(), Failed>
         let spec = StreamSpec { query, ..COUNTED };
         let (hits, counts) = on_processor(&rays, spec)?;
         for (lanes, window) in [(64, None), (17, None), (1024, Some(1100)), (1 << 30, None)] {
-            let device = self::device()?.tuned(Tuning { persistent_lanes: Some(lanes), window });
+            let device = self::device()?.tuned(Tuning { persistent_lanes: Some(lanes), window, ..Tuning::default() });
             let mut tracer = load(&device, &rays, spec)?;
             for _ in 0..2 {
                 let found = launch(&mut *tracer, &tasks_of(rays.len(), 100), None)?;

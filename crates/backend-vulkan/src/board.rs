@@ -110,7 +110,7 @@ impl Board for VulkanBoard {
 
     fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
         let shared = Arc::clone(&self.shared);
-        if !shared.makes_rays() {
+        if self.tuning.host_rays || !shared.makes_rays() {
             return Ok(false);
         }
         let Gpu { timeline, uploader, rays, maker, .. } = self.gpu()?;
