@@ -189,8 +189,7 @@ fn windows_change_nothing(device: VulkanDevice) -> Result<(), Failed> {
     Ok(())
 }
 
-/// Fewer lanes than rays, down to one workgroup and to a part of one. Fails when a lane takes the first item twice, or the
-/// counter starts at 0.
+/// Fewer lanes than rays, down to one workgroup and to a part of one. Fails when lanes stop after their first ray.
 fn persistent_threads_change_nothing(device: VulkanDevice) -> Result<(), Failed> {
     drop(device);
     let (_, view) = car()?;

@@ -36,13 +36,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("device: {} ({}), makes rays: {}\n", device.info().name, device.driver(), device.makes_rays());
     println!(
         "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to load \
-         camera rays that the device makes, and that the host prepares and sends; to spawn and to load diffuse rays. \
-         Medians of {} interleaved runs.\n",
+         camera rays that the device makes, and that the host prepares and sends; to spawn and to load diffuse rays; \
+         camera rays per million that the device does not make but leaves to the host. Medians of {} interleaved runs.\n",
         options.runs
     );
     print!("| scene | rays | Mray/s |");
     options.lanes.iter().for_each(|lanes| print!(" {lanes} lanes |"));
-    println!(" made ns | sent ns | spawned ns |\n|---|---|---|{}---|---|---|", "---|".repeat(options.lanes.len()));
+    println!(
+        " made ns | sent ns | spawned ns | left ppm |\n|---|---|---|{}---|---|---|---|",
+        "---|".repeat(options.lanes.len())
+    );
     for name in &options.scenes {
         bench(name, &options)?;
     }
@@ -63,19 +66,24 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let bench = BenchScene::open(name)?;
     let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
     let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
-    let tracer = |tuning| -> Result<Box<dyn Tracer>, Box<dyn Error>> {
-        Ok(open(options.device, tuning)?.tracer(Arc::clone(&scene), clock)?)
+    let tracer = |tuning| -> Result<(VulkanDevice, Box<dyn Tracer>), Box<dyn Error>> {
+        let device = open(options.device, tuning)?;
+        let tracer = device.tracer(Arc::clone(&scene), clock)?;
+        Ok((device, tracer))
     };
-    let mut tracers = vec![tracer(Tuning::default())?];
-    for &lanes in &options.lanes {
-        tracers.push(tracer(Tuning { persistent_lanes: Some(lanes), ..Tuning::default() })?);
-    }
-    let mut host = tracer(Tuning { host_rays: true, ..Tuning::default() })?;
+    let (device, mut first) = tracer(Tuning::default())?;
+    let (sender, mut host) = tracer(Tuning { host_rays: true, ..Tuning::default() })?;
     let primary = bench.primary(options.size, 1, 1)?;
-    let hits = {
-        load(&mut *tracers[0], &primary)?;
-        trace(&mut *tracers[0], primary.len())?.hits
-    };
+    load(&mut *first, &primary)?;
+    let hits = trace(&mut *first, primary.len())?.hits;
+    load(&mut *host, &primary)?;
+    trace(&mut *host, primary.len())?;
+    let [left, doubtful] = [&device, &sender].map(|device| device.tally().on_host());
+    let left = (left as f64 - doubtful as f64) / f64::from(primary.len().max(1));
+    let mut tracers = vec![first];
+    for &lanes in &options.lanes {
+        tracers.push(tracer(Tuning { persistent_lanes: Some(lanes), ..Tuning::default() })?.1);
+    }
     let mut spawned_s = Vec::new();
     let mut diffuse = primary.clone();
     for _ in 0..options.runs {
@@ -112,8 +120,8 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
         (1..kernels.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
         let ns = |seconds: &[f64]| format!("{:.0}", median(seconds) * 1e9);
         match kind {
-            "primary" => println!(" {} | {} | |", ns(&made_s), ns(&sent_s)),
-            _ => println!(" | {} | {} |", ns(&sent_s), ns(&spawned_s)),
+            "primary" => println!(" {} | {} | | {:.1} |", ns(&made_s), ns(&sent_s), left * 1e6),
+            _ => println!(" | {} | {} | |", ns(&sent_s), ns(&spawned_s)),
         }
     }
     Ok(())

@@ -105,7 +105,13 @@ mod tests {
 
     fn rays(eye: f32, samples: u32) -> CameraRays {
         let camera = Camera::look_at(Vec3::splat(eye), Vec3::ZERO, Vec3::Y, 40.0).expect("valid");
-        CameraRays { camera, size: [4, 4], pixels: (0..16).map(|i| i % 4 | (i / 4) << 16).collect(), samples, seed: 1 }
+        CameraRays {
+            camera,
+            size: [4, 4],
+            pixels: (0..16).map(|i| (i % 4) | ((i / 4) << 16)).collect(),
+            samples,
+            seed: 1,
+        }
     }
 
     /// Where the host may not prepare a single ray for the kernel, the kernel makes none. Fails when the reach is not
