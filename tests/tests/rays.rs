@@ -1,26 +1,40 @@
 //! Rays on graphics devices: made there from the camera, in several buffers, by persistent threads; always the hits and
 //! counts of the processor.
 //!
-//! Every Vulkan device is tried, with the validation layer where it is installed. Without one the tests are ignored with
-//! the reason, unless `RT_REQUIRE` names `vulkan`.
+//! The first device of each backend is tried, Vulkan's with the validation layer where it is installed. Without one the
+//! tests are ignored with the reason, unless `RT_REQUIRE` names the backend.
 
-use backend_vulkan::{OpenError, Options, Tuning, VulkanDevice};
+use backend_vulkan::{OpenError, VulkanDevice};
+use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::Builder;
 use rt_core::{
     CameraRays, Device, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, StreamSpec, Task, TestCounts,
     Tracer, Walk, morton, random, tasks_of,
 };
+use rt_gpu::{GpuDevice, Tuning};
 use rt_scene::{View, builtin};
 use rt_tests::conformance::clock;
 use rt_tests::{scenes, tree};
+use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// The longest a launch may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(120);
 
-type Test = fn(VulkanDevice) -> Result<(), Failed>;
+/// A device as a test wants it.
+struct Opened {
+    device: Arc<dyn GpuDevice>,
+    makes_rays: bool,
+}
+
+/// A backend: its name, and its first device that can be used, or why there is none.
+type Backend = (&'static str, fn(Tuning) -> Result<Opened, String>);
+
+const BACKENDS: [Backend; 2] = [("vulkan", vulkan), ("wgpu", wgpu)];
+
+type Test = fn(Backend) -> Result<(), Failed>;
 
 const TESTS: [(&str, Test); 5] = [
     ("camera_rays_are_made_there", camera_rays_are_made_there),
@@ -31,25 +45,37 @@ const TESTS: [(&str, Test); 5] = [
 ];
 
 fn main() {
-    let tests = TESTS.into_iter().map(|(name, test)| {
-        Trial::ignorable_test(name, move || match device() {
-            Ok(device) => test(device).map(|()| Completion::Completed),
-            Err(reason) if is_required() => Err(reason.into()),
+    let pairs = BACKENDS.into_iter().flat_map(|backend| TESTS.map(|test| (backend, test)));
+    let tests = pairs.map(|(backend, (name, test))| {
+        let run = move || match backend.1(Tuning::default()) {
+            Ok(_) => test(backend).map(|()| Completion::Completed),
+            Err(reason) if is_required(backend.0) => Err(reason.into()),
             Err(reason) => Ok(Completion::ignored_with(reason)),
-        })
-        .with_kind("vulkan")
+        };
+        Trial::ignorable_test(name, run).with_kind(backend.0)
     });
     run(&Arguments::from_args(), tests.collect()).exit();
 }
 
-/// The first device that can be used, or why there is none.
-fn device() -> Result<VulkanDevice, String> {
-    let found = match VulkanDevice::enumerate(Options { validation: true }) {
-        Err(OpenError::NoValidation) if !is_required() => VulkanDevice::enumerate(Options { validation: false }),
+fn vulkan(tuning: Tuning) -> Result<Opened, String> {
+    let open = |validation| VulkanDevice::enumerate(backend_vulkan::Options { validation, ..Default::default() });
+    let found = match open(true) {
+        Err(OpenError::NoValidation) if !is_required("vulkan") => open(false),
         found => found,
     };
+    let device = first(found.map_err(|e| e.to_string())?)?.tuned(tuning);
+    Ok(Opened { makes_rays: device.makes_rays(), device: Arc::new(device) })
+}
+
+fn wgpu(tuning: Tuning) -> Result<Opened, String> {
+    let found = WgpuDevice::enumerate(backend_wgpu::Options::default()).map_err(|e| e.to_string())?;
+    let device = first(found)?.tuned(tuning);
+    Ok(Opened { makes_rays: device.makes_rays(), device: Arc::new(device) })
+}
+
+fn first<T, E: Display>(found: Vec<Result<T, E>>) -> Result<T, String> {
     let mut reasons = Vec::new();
-    for device in found.map_err(|e| e.to_string())? {
+    for device in found {
         match device {
             Ok(device) => return Ok(device),
             Err(e) => reasons.push(e.to_string()),
@@ -58,8 +84,8 @@ fn device() -> Result<VulkanDevice, String> {
     Err(reasons.join("; "))
 }
 
-fn is_required() -> bool {
-    std::env::var("RT_REQUIRE").is_ok_and(|list| list.split(',').any(|name| name.trim() == "vulkan"))
+fn is_required(backend: &str) -> bool {
+    std::env::var("RT_REQUIRE").is_ok_and(|list| list.split(',').any(|name| name.trim() == backend))
 }
 
 /// The built-in car, which is cheap to build, and the view of it.
@@ -78,7 +104,7 @@ fn camera(view: &View, size: [u32; 2], samples: u32) -> Result<Arc<CameraRays>, 
     Ok(Arc::new(CameraRays { camera: view.camera()?, size, pixels, samples, seed: 3 }))
 }
 
-fn load(device: &VulkanDevice, rays: &Arc<CameraRays>, spec: StreamSpec) -> Result<Box<dyn Tracer>, Failed> {
+fn load(device: &dyn GpuDevice, rays: &Arc<CameraRays>, spec: StreamSpec) -> Result<Box<dyn Tracer>, Failed> {
     let mut tracer = device.tracer(car()?.0, clock)?;
     tracer.load_rays(RaySource::Camera(Arc::clone(rays)), spec)?;
     Ok(tracer)
@@ -116,16 +142,17 @@ const COUNTED: StreamSpec = StreamSpec { query: Query::Closest, precision: rt_co
 
 /// Sizes odd and even, one sample and several, in one window and in small ones that cut pixels in two. Fails when the
 /// kernel takes a pixel's samples from the start of its window, or divides by the width.
-fn camera_rays_are_made_there(device: VulkanDevice) -> Result<(), Failed> {
-    if device.is_software() && !device.makes_rays() {
+fn camera_rays_are_made_there((_, open): Backend) -> Result<(), Failed> {
+    let Opened { device, makes_rays } = open(Tuning::default())?;
+    if device.card().software && !makes_rays {
         return Err("lavapipe rounds as IEEE 754 says, and yet makes other rays than the host".into());
     }
     for (size, samples, window) in [([97, 61], 1, None), ([64, 40], 3, None), ([64, 40], 3, Some(1000))] {
-        let device = self::device()?.tuned(Tuning { window, ..Tuning::default() });
+        let Opened { device, .. } = open(Tuning { window, ..Tuning::default() })?;
         let (_, view) = car()?;
         let rays = camera(&view, size, samples)?;
-        let mut tracer = load(&device, &rays, COUNTED)?;
-        let made = if device.makes_rays() { u64::from(rays.len()) } else { 0 };
+        let mut tracer = load(&*device, &rays, COUNTED)?;
+        let made = if makes_rays { u64::from(rays.len()) } else { 0 };
         if device.tally().made() != made {
             return Err(format!("{} rays made, not {made}", device.tally().made()).into());
         }
@@ -146,12 +173,12 @@ fn camera_rays_are_made_there(device: VulkanDevice) -> Result<(), Failed> {
 }
 
 /// Launches, walks and masks over windows. Fails when a list names rays by their number in the stream.
-fn windows_change_nothing(device: VulkanDevice) -> Result<(), Failed> {
+fn windows_change_nothing((_, open): Backend) -> Result<(), Failed> {
     let (scene, view) = car()?;
     let rays = camera(&view, [64, 48], 2)?;
     let count = rays.len();
     let (hits, counts) = on_processor(&rays, COUNTED)?;
-    let device = device.tuned(Tuning { window: Some(1500), ..Tuning::default() });
+    let Opened { device, .. } = open(Tuning { window: Some(1500), ..Tuning::default() })?;
     let explicit: Vec<Ray> = (0..count).map(|i| rays.ray(i)).collect();
     let sources = [RaySource::Camera(Arc::clone(&rays)), RaySource::Explicit { rays: explicit.into(), origins: None }];
     let mut mask = RayMask::new(count);
@@ -190,16 +217,16 @@ fn windows_change_nothing(device: VulkanDevice) -> Result<(), Failed> {
 }
 
 /// Fewer lanes than rays, down to one workgroup and to a part of one. Fails when lanes stop after their first ray.
-fn persistent_threads_change_nothing(device: VulkanDevice) -> Result<(), Failed> {
-    drop(device);
+fn persistent_threads_change_nothing((_, open): Backend) -> Result<(), Failed> {
     let (_, view) = car()?;
     let rays = camera(&view, [48, 32], 2)?;
     for query in [Query::Closest, Query::Any] {
         let spec = StreamSpec { query, ..COUNTED };
         let (hits, counts) = on_processor(&rays, spec)?;
         for (lanes, window) in [(64, None), (17, None), (1024, Some(1100)), (1 << 30, None)] {
-            let device = self::device()?.tuned(Tuning { persistent_lanes: Some(lanes), window, ..Tuning::default() });
-            let mut tracer = load(&device, &rays, spec)?;
+            let tuning = Tuning { persistent_lanes: Some(lanes), window, ..Tuning::default() };
+            let Opened { device, .. } = open(tuning)?;
+            let mut tracer = load(&*device, &rays, spec)?;
             for _ in 0..2 {
                 let found = launch(&mut *tracer, &tasks_of(rays.len(), 100), None)?;
                 compare(&format!("{query:?}, {lanes} lanes"), &found, &hits, &counts)?;
@@ -213,10 +240,11 @@ fn persistent_threads_change_nothing(device: VulkanDevice) -> Result<(), Failed>
 }
 
 /// What is not in a launch is neither traced nor written.
-fn each_ray_that_is_asked_for_is_traced_once(device: VulkanDevice) -> Result<(), Failed> {
+fn each_ray_that_is_asked_for_is_traced_once((_, open): Backend) -> Result<(), Failed> {
     let (_, view) = car()?;
     let rays = camera(&view, [64, 64], 1)?;
-    let mut tracer = load(&device, &rays, StreamSpec::default())?;
+    let Opened { device, .. } = open(Tuning::default())?;
+    let mut tracer = load(&*device, &rays, StreamSpec::default())?;
     let (hits, counts) = on_processor(&rays, StreamSpec::default())?;
     let tasks = [Task { first: 3000, rays: 500 }, Task { first: 100, rays: 900 }];
     let mut mask = RayMask::new(rays.len());
@@ -235,14 +263,15 @@ fn each_ray_that_is_asked_for_is_traced_once(device: VulkanDevice) -> Result<(),
 }
 
 /// A stream for which one buffer is too small: 2²¹ rays on lavapipe, which binds 128 MiB.
-fn more_rays_than_a_buffer_holds(device: VulkanDevice) -> Result<(), Failed> {
-    if !device.is_software() {
+fn more_rays_than_a_buffer_holds((_, open): Backend) -> Result<(), Failed> {
+    let Opened { device, .. } = open(Tuning::default())?;
+    if !device.card().software {
         // Real cards bind 4 GiB: windows of other sizes are tried above.
         return Ok(());
     }
     let (scene, view) = car()?;
     let rays = camera(&view, [64, 32], 1100)?;
-    let mut tracer = load(&device, &rays, StreamSpec::default())?;
+    let mut tracer = load(&*device, &rays, StreamSpec::default())?;
     let tasks = [
         Task { first: 0, rays: 500 },
         Task { first: (1 << 21) - 300, rays: 600 },

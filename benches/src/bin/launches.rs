@@ -5,7 +5,7 @@
 //! [--lanes 128,1024,16384]`
 #![forbid(unsafe_code)]
 
-use backend_vulkan::{Options as Open, Tuning, VulkanDevice};
+use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
 use rayon::prelude::*;
 use rt_benches::{BenchScene, median};
 use rt_bvh::{BuildOptions, Mesh, build};
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     let device = open(options.device, Tuning::default())?;
-    println!("device: {} ({}), makes rays: {}\n", device.info().name, device.driver(), device.makes_rays());
+    println!("device: {} ({}), makes rays: {}\n", device.info().name, device.card().driver, device.makes_rays());
     println!(
         "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to load \
          camera rays that the device makes, and that the host prepares and sends; to spawn and to load diffuse rays; \

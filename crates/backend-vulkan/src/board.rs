@@ -90,7 +90,11 @@ impl Board for VulkanBoard {
         gpu.rays.clear();
         let bytes = u64::from(count) * RAY;
         if let Some(available) = shared.logical.memory().filter(|&available| bytes > available) {
-            let what = format!("{count} rays of {bytes} bytes do not fit into device memory of {available} bytes");
+            let bound = shared.logical.limits.binding;
+            let what = format!(
+                "{count} rays of {bytes} bytes do not fit into device memory of {available} bytes, of which {bound} are \
+                 bound at once"
+            );
             return Err(DeviceError::new(DeviceErrorKind::OutOfMemory, what));
         }
         let what = format!("a part of {count} rays");

@@ -10,27 +10,27 @@ use crate::pipeline::{BUFFERS, Layout, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally, Tuning};
-use rt_shaders::Purpose;
+use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Tuning, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
-const LEAST_LLVMPIPE: u32 = 25;
-
 /// How to open devices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Whether the validation layer checks every call. What it objects to becomes an error of kind
     /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
+    pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
 }
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
+        Self { validation, kernels: None }
     }
 }
 
@@ -38,8 +38,7 @@ impl Options {
 #[derive(Debug)]
 pub struct VulkanDevice {
     info: DeviceInfo,
-    driver: String,
-    software: bool,
+    card: Card,
     tuning: Tuning,
     shared: Arc<Shared>,
 }
@@ -49,6 +48,7 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<Layout>,
+    kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
     /// Whether it makes the host's camera rays; asked when the first are wanted.
     makes_rays: OnceLock<bool>,
     pub logical: Arc<Logical>,
@@ -67,21 +67,28 @@ impl VulkanDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options)).collect())
     }
 
-    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
-        let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
-            instance.describe(physical);
+    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
+        let Description {
+            name,
+            driver,
+            version,
+            is_llvmpipe,
+            is_software,
+            model,
+            slot,
+            has_api,
+            has_timelines,
+            buffers,
+        } = instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
         if !has_api {
             return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
         }
-        if is_llvmpipe && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
-            return Err(refuse(format!(
-                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or \
-                 later"
-            )));
+        if is_llvmpipe && let Some(fault) = fault_of_llvmpipe(&version) {
+            return Err(refuse(fault));
         }
         if !has_timelines {
             return Err(refuse("it has no timeline semaphores".to_owned()));
@@ -99,9 +106,19 @@ impl VulkanDevice {
             in_flight: IN_FLIGHT,
             memory: logical.memory(),
         };
+        let card = Card {
+            name: name.clone(),
+            driver: format!("{driver} {version}"),
+            software: is_software,
+            model,
+            slot,
+            binding: logical.limits.binding,
+            kernels: "SPIR-V, unchecked",
+        };
         let shared = Shared {
             pipelines: Mutex::default(),
             layout: Arc::new(layout),
+            kernels: options.kernels,
             makes_rays: OnceLock::new(),
             logical,
             tally: Arc::default(),
@@ -111,8 +128,7 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let (driver, tuning) = (format!("{driver} {version}"), Tuning::default());
-        Ok(Self { info, driver, software: is_software, tuning, shared: Arc::new(shared) })
+        Ok(Self { info, card, tuning: Tuning::default(), shared: Arc::new(shared) })
     }
 
     /// The device with other choices for the tracers that it will open.
@@ -128,18 +144,6 @@ impl VulkanDevice {
         self.shared.makes_rays()
     }
 
-    /// The driver's name and version.
-    #[must_use]
-    pub fn driver(&self) -> &str {
-        &self.driver
-    }
-
-    /// Whether it is a processor in the guise of a graphics card.
-    #[must_use]
-    pub const fn is_software(&self) -> bool {
-        self.software
-    }
-
     /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
     /// that it is.
     ///
@@ -153,18 +157,6 @@ impl VulkanDevice {
         Commands::new(logical)?.record(|record| record.copy(&from, &to, 0, 4))?;
         logical.check_validation()
     }
-
-    /// What the device's tracers have done so far.
-    #[must_use]
-    pub fn tally(&self) -> &Tally {
-        &self.shared.tally
-    }
-}
-
-/// The first number in Mesa's version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`.
-fn mesa_version(info: &str) -> Option<u32> {
-    let digits = info.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?;
-    digits.parse().ok()
 }
 
 impl Device for VulkanDevice {
@@ -175,6 +167,16 @@ impl Device for VulkanDevice {
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let board = VulkanBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
+    }
+}
+
+impl GpuDevice for VulkanDevice {
+    fn card(&self) -> &Card {
+        &self.card
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
     }
 }
 
@@ -194,24 +196,16 @@ impl Shared {
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel)?);
+        let pipeline = Arc::new(Pipeline::new(
+            &self.layout,
+            kernel,
+            &self.kernels.map_or_else(|| kernel.spirv(), |replace| replace(kernel)),
+        )?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }
 
     pub(crate) const fn layout(&self) -> &Arc<Layout> {
         &self.layout
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn old_software_rasterisers_are_known_by_their_driver_info() {
-        assert_eq!(mesa_version("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
-        assert_eq!(mesa_version("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
-        assert!(mesa_version("") < Some(LEAST_LLVMPIPE) && mesa_version("Mesa 22.3.6") < Some(LEAST_LLVMPIPE));
     }
 }

@@ -21,6 +21,9 @@ pub(crate) struct Description {
     pub is_llvmpipe: bool,
     /// Whether it is a processor.
     pub is_software: bool,
+    /// PCI's numbers of its maker and its model, and where it sits.
+    pub model: [u32; 2],
+    pub slot: Option<String>,
     /// Whether it knows the version of Vulkan that we need.
     pub has_api: bool,
     pub has_timelines: bool,
@@ -100,7 +103,14 @@ impl Instance {
     /// What the driver says of a device of this instance.
     pub(crate) fn describe(&self, physical: vk::PhysicalDevice) -> Description {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut place = vk::PhysicalDevicePCIBusInfoPropertiesEXT::default();
+        // SAFETY: the instance is alive, and `physical` is of it.
+        let extensions = unsafe { self.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let tells_place = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::pci_bus_info::NAME));
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        if tells_place {
+            properties = properties.push_next(&mut place);
+        }
         // SAFETY: `physical` is of this instance, and the structures are those that the call fills.
         unsafe { self.raw.get_physical_device_properties2(physical, &mut properties) };
         let properties = properties.properties;
@@ -115,6 +125,11 @@ impl Instance {
             version: text(driver.driver_info_as_c_str().ok()),
             is_llvmpipe: driver.driver_id == vk::DriverId::MESA_LLVMPIPE,
             is_software: properties.device_type == vk::PhysicalDeviceType::CPU,
+            model: [properties.vendor_id, properties.device_id],
+            slot: tells_place.then(|| {
+                let [domain, bus] = [place.pci_domain, place.pci_bus];
+                format!("{domain:04x}:{bus:02x}:{:02x}.{:x}", place.pci_device, place.pci_function)
+            }),
             has_api: properties.api_version >= API,
             has_timelines: timeline.timeline_semaphore == vk::TRUE,
             buffers: properties.limits.max_per_stage_descriptor_storage_buffers,

@@ -38,4 +38,4 @@ mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Tally, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Tally, Tuning};

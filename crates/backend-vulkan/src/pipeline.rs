@@ -72,7 +72,8 @@ impl fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel) -> Result<Self, DeviceError> {
+    /// Compiles `code`, the kernel's or one in its place.
+    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel, code: &[u32]) -> Result<Self, DeviceError> {
         let device = layout.logical.raw();
         let refused = |source: vk::Result| {
             let kind = match source {
@@ -85,9 +86,8 @@ impl Pipeline {
             let what = format!("the Vulkan driver cannot compile the kernel {:?}: {source}", kernel.purpose);
             DeviceError::new(kind, what).with_source(source)
         };
-        let code = kernel.spirv();
-        let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: the code is valid SPIR-V: naga checked it.
+        let info = vk::ShaderModuleCreateInfo::default().code(code);
+        // SAFETY: the code is valid SPIR-V: naga checked it, or the test that put it in the kernel's place.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(refused)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)

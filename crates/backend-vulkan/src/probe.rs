@@ -12,8 +12,7 @@ use rt_shaders::Purpose;
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    let pairs = arithmetic::pairs();
-    let answers = ask(shared, Purpose::Arithmetic, &pairs, &[0_u32], pairs.len())?;
+    let answers = ask(shared, Purpose::Arithmetic, &arithmetic::questions(), &[0_u32], arithmetic::PAIRS as usize)?;
     Ok(arithmetic::first_fault(&answers))
 }
 

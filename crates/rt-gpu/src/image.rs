@@ -14,7 +14,8 @@ pub struct Frame {
     pub root: u32,
     /// Upper corner.
     pub high: [f32; 3],
-    unused: u32,
+    /// 0: kernels hide results from their compiler behind it.
+    zero: u32,
 }
 
 /// The buffers that kernels read of a scene.
@@ -40,7 +41,7 @@ impl<'a> SceneImage<'a> {
                 _ => 2,
             },
             high: bounds.max.to_array(),
-            unused: 0,
+            zero: 0,
         };
         let primitives = (0..scene.primitives().len()).map(|slot| scene.primitives().get(slot)).collect();
         Self { scene, primitives, frame }

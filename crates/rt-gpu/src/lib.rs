@@ -21,6 +21,7 @@
 pub mod arithmetic;
 mod board;
 pub mod camera;
+mod card;
 mod image;
 mod pending;
 mod rays;
@@ -30,6 +31,7 @@ mod tuning;
 mod work;
 
 pub use board::{Answer, Board, Flight};
+pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 pub use image::{Frame, SceneImage};
 pub use tally::Tally;
 pub use tracer::GpuTracer;

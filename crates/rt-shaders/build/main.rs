@@ -9,14 +9,17 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The parts of every kernel that traces, in order.
+/// What keeps rounded results as they are: in the SPIR-V, and in the WGSL for APIs that compile it themselves.
+const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
+
+/// The other parts of every kernel that traces, in order.
 const PARTS: &[&str] =
     &["bindings.wgsl", "ray.wgsl", "launch.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
 
-/// The parts of the kernel that makes camera rays.
+/// The other parts of the kernel that makes camera rays.
 const CAMERA: &[&str] = &["ray.wgsl", "double_float.wgsl", "camera.wgsl"];
 
-/// The parts of the kernel by which devices are checked.
+/// The other parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
 
 /// What kernels are for: name in Rust, and the constants that the sources ask for.
@@ -46,14 +49,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=shaders");
     println!("cargo::rerun-if-changed=build");
     let target = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
-    let body = joined(PARTS)?;
+    let bodies = joined(PARTS)?;
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
     let mut layouts = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Layout] = &[\n");
     let mut tracing = None;
     for (purpose, flags) in PURPOSES {
         for &stack in STACKS {
-            let module = add(&mut kernels, &target, purpose, stack, &(preamble(flags, stack) + &body))?;
-            tracing = Some(module);
+            let preamble = preamble(flags, stack);
+            let sources = bodies.each_ref().map(|body| preamble.clone() + body);
+            tracing = Some(add(&mut kernels, &target, purpose, stack, &sources)?);
         }
     }
     add_layouts(&mut layouts, &tracing.ok_or("some kernel traces")?, LAYOUTS)?;
@@ -66,27 +70,39 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn joined(parts: &[&str]) -> std::io::Result<String> {
-    parts.iter().map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect()
+/// The parts behind each of [`KEEP`].
+fn joined(parts: &[&str]) -> std::io::Result<[String; 2]> {
+    let join = |keep| {
+        let files = std::iter::once(&keep).chain(parts);
+        files.map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect::<std::io::Result<String>>()
+    };
+    let [decorated, hidden] = KEEP;
+    Ok([join(decorated)?, join(hidden)?])
 }
 
-/// Compiles a kernel, writes its SPIR-V to `target` and its row to the table.
+/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of the
+/// second to `target`, and the row to the table.
 fn add(
     table: &mut String,
     target: &Path,
     purpose: &str,
     stack: u32,
-    source: &str,
+    [decorated, hidden]: &[String; 2],
 ) -> Result<naga::Module, Box<dyn Error>> {
-    let (module, words) = compile(source).map_err(|e| format!("{purpose}, stack of {stack}: {e}"))?;
-    let file = format!("{purpose}-{stack}.spv");
+    let failed = |e| format!("{purpose}, stack of {stack}: {e}");
+    let (module, words) = compile(decorated).map_err(failed)?;
+    // Only to see that it can be.
+    compile(hidden).map_err(failed)?;
+    let file = format!("{purpose}-{stack}");
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    fs::write(target.join(&file), bytes)?;
+    fs::write(target.join(&file).with_extension("spv"), bytes)?;
+    fs::write(target.join(&file).with_extension("wgsl"), hidden)?;
     let entry = &module.entry_points[0];
     writeln!(
         table,
         "    Kernel {{ purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
-         code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
+         code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\")), \
+         wgsl: include_str!(concat!(env!(\"OUT_DIR\"), \"/{file}.wgsl\")) }},",
         entry.name,
         entry.workgroup_size,
         bindings(&module)?

@@ -19,6 +19,8 @@ struct Frame {
     // What the root has: children on both sides, or only on side 0 or 1, or none.
     root: u32,
     high: vec3<f32>,
+    // Always 0, which compilers do not know.
+    zero: u32,
 }
 
 const ROOT_WHOLE: u32 = 2u;

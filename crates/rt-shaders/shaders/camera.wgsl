@@ -31,6 +31,8 @@ struct Camera {
     tmax: f32,
     // Range of the exponent, as it is stored, of a direction's largest component.
     exponents: vec2<u32>,
+    // Always 0, which compilers do not know.
+    zero: u32,
 }
 
 // Each x | y << 16.
@@ -80,12 +82,12 @@ struct Quotient {
 
 fn rest_of(a: f32, b: f32, q: f32) -> f32 {
     let p = two_product(b, q);
-    return (a - p.x) - p.y;
+    return keep(keep(a - p.x) - p.y);
 }
 
 fn quotient(a: f32, b: f32) -> Quotient {
-    let near = a / b;
-    let value = near + rest_of(a, b, near) / b;
+    let near = keep(a / b);
+    let value = keep(near + keep(rest_of(a, b, near) / b));
     let rest = rest_of(a, b, value);
     let half_unit = bitcast<f32>((bitcast<u32>(value) & 0x7f800000u) - 0x0c000000u);
     if a == 0.0 {
@@ -164,15 +166,25 @@ fn make_rays(
     if index >= camera.count {
         return;
     }
+    hide(camera.zero);
     let number = camera.first + index;
     let pixel = pixels[number / camera.samples];
     var inside = vec2<f32>(0.5);
     if camera.samples > 1u {
         inside = spread_pair(camera.seed, pixel, number % camera.samples);
     }
-    // rt_core::CameraRays::ray and Camera::ray.
-    let position = (vec2<f32>(vec2<u32>(pixel & 0xffffu, pixel >> 16u)) + inside) * camera.pixel;
-    let across = (2.0 * position.x - 1.0) * camera.aspect;
-    let upward = 1.0 - 2.0 * position.y;
-    made[index] = prepared((camera.forward + camera.right * across) + camera.up * upward);
+    // rt_core::CameraRays::ray and Camera::ray. Products with 2 are exact.
+    let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * camera.pixel.x);
+    let y = keep(keep(f32(pixel >> 16u) + inside.y) * camera.pixel.y);
+    let across = keep(keep(2.0 * x - 1.0) * camera.aspect);
+    let upward = keep(1.0 - 2.0 * y);
+    made[index] = prepared(vec3<f32>(
+        component(camera.forward.x, camera.right.x, across, camera.up.x, upward),
+        component(camera.forward.y, camera.right.y, across, camera.up.y, upward),
+        component(camera.forward.z, camera.right.z, across, camera.up.z, upward),
+    ));
+}
+
+fn component(forward: f32, right: f32, across: f32, up: f32, upward: f32) -> f32 {
+    return keep(keep(forward + keep(right * across)) + keep(up * upward));
 }

@@ -48,6 +48,7 @@ fn trace(
     if lane >= work.lanes {
         return;
     }
+    hide(frame.zero);
     var item = lane;
     while item < work.count {
         solve(item);

@@ -1,8 +1,8 @@
 //! The GPU kernels of raybalance, compiled from WGSL when this crate is built.
 //!
 //! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Purpose`] and each size of the traversal
-//! stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, and the table that
-//! [`kernel`] looks up. What a kernel reads and writes, and why its decisions are those of `rt_bvh`, is said in the
+//! stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, WGSL that does
+//! without ([`Kernel::wgsl`]), and the table that [`kernel`] looks up. What a kernel reads and writes, and why its decisions are those of `rt_bvh`, is said in the
 //! sources.
 //!
 //! # Current state and limits
@@ -66,6 +66,9 @@ pub struct Kernel {
     /// The buffers it reads and writes.
     pub bindings: &'static [Binding],
     code: &'static [u8],
+    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
+    /// the compiler behind a zero that only the host knows, `Frame::zero` or the first pair of [`Purpose::Arithmetic`].
+    pub wgsl: &'static str,
 }
 
 impl Kernel {
@@ -134,7 +137,7 @@ mod tests {
         ]
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
-        assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16)][..], 32));
+        assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
         assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
         let camera = [
             ("origin", offset_of!(KernelCamera, origin)),
@@ -149,6 +152,7 @@ mod tests {
             ("aspect", offset_of!(KernelCamera, aspect)),
             ("tmax", offset_of!(KernelCamera, tmax)),
             ("exponents", offset_of!(KernelCamera, exponents)),
+            ("zero", offset_of!(KernelCamera, zero)),
         ]
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Camera"), (&camera[..], size_of::<KernelCamera>()));

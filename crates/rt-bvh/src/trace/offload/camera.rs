@@ -35,7 +35,9 @@ pub struct KernelCamera {
     pub tmax: f32,
     /// Exponents, as stored in single precision, of the largest component of directions that the kernel may take on.
     pub exponents: [u32; 2],
-    unused: [u32; 2],
+    /// 0: kernels hide results from their compiler behind it.
+    pub zero: u32,
+    unused: u32,
 }
 
 /// Exponents within which no product of the kernel's vanishes or overflows that matters to the direction: beside a
@@ -87,7 +89,8 @@ impl Offload<'_> {
             aspect: raster.aspect,
             tmax: f32::MAX,
             exponents: [least, greatest].map(|exponent| (exponent + BIAS) as u32),
-            unused: [0; 2],
+            zero: 0,
+            unused: 0,
         })
     }
 }

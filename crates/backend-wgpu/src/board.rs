@@ -1,0 +1,200 @@
+//! One scene on one wgpu device.
+
+use crate::device::Shared;
+use crate::launch::Slot;
+use crate::opened::Opened;
+use rt_bvh::offload::{KernelCamera, KernelRay};
+use rt_core::arguments::invalid;
+use rt_core::{DeviceError, DeviceErrorKind, Scene};
+use rt_gpu::{Answer, Board, Flight, PATIENCE, SceneImage, Tuning, Work};
+use rt_shaders::Purpose;
+use std::sync::Arc;
+use std::time::Duration;
+use wgpu::{Buffer, BufferUsages, ComputePassDescriptor, SubmissionIndex};
+
+/// How long dropping a board waits for launches in flight. What is not done then is never freed.
+const DROP_LIMIT: Duration = Duration::from_secs(10);
+
+/// Bytes sent to the device at once: large enough for the bus, little beside any scene that is worth a GPU.
+const SENDING: usize = 4 << 20;
+
+/// Bytes of a ray.
+const RAY: u64 = size_of::<KernelRay>() as u64;
+
+/// The most buffers for a stream's rays, each as large as the device binds at once. wgpu does not tell how much memory
+/// there is, and systems promise more than they have: where the least is bound, 128 MiB, these are 2 GiB.
+const WINDOWS: u64 = 16;
+
+fn unreserved() -> DeviceError {
+    invalid("no room for these rays was reserved")
+}
+
+/// A scene resident on a wgpu device.
+#[derive(Debug)]
+pub(crate) struct WgpuBoard {
+    shared: Arc<Shared>,
+    /// Of the scene's tree.
+    depth: u32,
+    tuning: Tuning,
+    /// Those of [`SceneImage::buffers`], in their order.
+    scene: [Buffer; 4],
+    sender: Sender,
+    /// The windows: as many rays in each but the last.
+    rays: Vec<Buffer>,
+    /// As many as kernels were in flight at once.
+    slots: Vec<Slot>,
+    /// Kernels in flight with the slot of each.
+    busy: Vec<(Flight, usize)>,
+    started: u64,
+}
+
+impl WgpuBoard {
+    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &Scene) -> Result<Self, DeviceError> {
+        let opened = &shared.opened;
+        let mut sender = Sender { opened: Arc::clone(opened), last: None };
+        let image = SceneImage::new(scene);
+        let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
+            let buffer = opened.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+            sender.send(&buffer, 0, bytes)?;
+            Ok(buffer)
+        };
+        let [nodes, triangles, primitives, frame] = image.buffers();
+        let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
+        sender.finish()?;
+        let (depth, rays, slots, busy) = (scene.depth(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { shared, depth, tuning, scene: resident, sender, rays, slots, busy, started: 0 })
+    }
+}
+
+impl Board for WgpuBoard {
+    fn api(&self) -> &'static str {
+        "wgpu"
+    }
+
+    fn window(&self) -> u32 {
+        let bound = self.shared.opened.binding / RAY;
+        u32::try_from(bound).unwrap_or(u32::MAX).min(self.tuning.window.unwrap_or(u32::MAX)).max(1)
+    }
+
+    fn persistent_lanes(&self) -> Option<u32> {
+        self.tuning.persistent_lanes
+    }
+
+    fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
+        // First, so that there need not be room for both.
+        self.rays.clear();
+        let (opened, window, bytes) = (&self.shared.opened, self.window(), u64::from(count) * RAY);
+        let most = opened.binding.saturating_mul(WINDOWS);
+        if bytes > most {
+            let what = format!(
+                "{count} rays of {bytes} bytes: at most {most} are taken, {WINDOWS} times the {} that the device binds at once",
+                opened.binding
+            );
+            return Err(DeviceError::new(DeviceErrorKind::OutOfMemory, what));
+        }
+        let what = format!("a part of {count} rays");
+        for first in (0..count).step_by(window as usize) {
+            let bytes = u64::from(window.min(count - first)) * RAY;
+            self.rays.push(opened.buffer(&what, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
+        }
+        Ok(())
+    }
+
+    fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
+        let window = self.window();
+        let buffer = self.rays.get((first / window) as usize).ok_or_else(unreserved)?;
+        self.sender.send(buffer, u64::from(first % window) * RAY, bytemuck::cast_slice(rays))
+    }
+
+    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
+        let shared = Arc::clone(&self.shared);
+        if self.tuning.host_rays || !shared.makes_rays() {
+            return Ok(false);
+        }
+        let (opened, usage) = (&shared.opened, BufferUsages::STORAGE | BufferUsages::COPY_DST);
+        let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
+        let block = opened.buffer("the camera", size_of::<KernelCamera>() as u64, usage)?;
+        let what = format!("{} pixels", pixels.len());
+        let list = opened.buffer(&what, size_of_val(pixels) as u64, usage)?;
+        self.sender.send(&block, 0, bytemuck::bytes_of(camera))?;
+        self.sender.send(&list, 0, bytemuck::cast_slice(pixels))?;
+        let pipeline = shared.pipeline(Purpose::Camera, 0)?;
+        let done = opened.scoped("make rays", DeviceErrorKind::Lost, || {
+            let bindings = pipeline.bind(&opened.device, [&list, &list, &list, &list, &list, &block, rays, &list]);
+            let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+            pipeline.run(opened, &mut pass, &bindings, camera.count);
+            drop(pass);
+            opened.queue.submit([encoder.finish()])
+        })?;
+        opened.wait(done, PATIENCE)?;
+        Ok(true)
+    }
+
+    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
+        let pipeline = self.shared.pipeline(purpose, self.depth)?;
+        let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
+        let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
+        let index = free.unwrap_or(self.slots.len());
+        if free.is_none() {
+            self.slots.push(Slot::new(&self.shared.opened)?);
+        }
+        let [nodes, triangles, primitives, frame] = &self.scene;
+        let inputs = [nodes, triangles, primitives, frame, rays];
+        self.slots[index].start(inputs, &pipeline, work, purpose.counts())?;
+        self.started += 1;
+        let flight = Flight(self.started);
+        self.busy.push((flight, index));
+        Ok(flight)
+    }
+
+    fn wait(&mut self, flight: Flight, limit: Duration, read: &mut dyn FnMut(Answer<'_>)) -> Result<(), DeviceError> {
+        let known = self.busy.iter().position(|(busy, _)| *busy == flight);
+        let (_, index) = self.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
+        self.slots[index].wait(limit, read)
+    }
+}
+
+impl Drop for WgpuBoard {
+    fn drop(&mut self) {
+        // wgpu keeps buffers until the device is done with them, but closing a device waits without end.
+        for slot in &mut self.slots {
+            // Not again for the others: a device that did not end in time is lost, which `wait` says at once.
+            if !slot.is_idle(DROP_LIMIT) {
+                break;
+            }
+        }
+    }
+}
+
+/// Copies to buffers on the device, at most two batches at a time.
+#[derive(Debug)]
+struct Sender {
+    opened: Arc<Opened>,
+    /// The last batch, which may still be on its way.
+    last: Option<SubmissionIndex>,
+}
+
+impl Sender {
+    /// Copies `bytes`, a multiple of 4, to `target` from byte `offset` on.
+    fn send(&mut self, target: &Buffer, offset: u64, bytes: &[u8]) -> Result<(), DeviceError> {
+        let mut offset = offset;
+        for part in bytes.chunks(SENDING) {
+            let opened = &self.opened;
+            let sent = opened.scoped("write a buffer", DeviceErrorKind::Lost, || {
+                opened.queue.write_buffer(target, offset, part);
+                opened.queue.submit([])
+            })?;
+            if let Some(before) = self.last.replace(sent) {
+                self.opened.wait(before, PATIENCE)?;
+            }
+            offset += part.len() as u64;
+        }
+        Ok(())
+    }
+
+    /// Waits until all that was sent is there.
+    fn finish(&mut self) -> Result<(), DeviceError> {
+        self.last.take().map_or(Ok(()), |last| self.opened.wait(last, PATIENCE))
+    }
+}
