@@ -1,4 +1,4 @@
-//! What the benchmarks share: scenes with cameras, device lists, medians.
+//! What the benchmarks share: scenes with cameras.
 #![forbid(unsafe_code)]
 
 use rt_core::{CameraRays, RaySource, morton};
@@ -60,17 +60,4 @@ fn camera_beside(path: &Path) -> Option<View> {
     };
     let [_, eye, target, up, fov] = fields[..] else { return None };
     Some(View { eye: vector(eye)?, target: vector(target)?, up: vector(up)?, fov_degrees: fov.trim().parse().ok()? })
-}
-
-/// The middle value; NaN of none.
-#[must_use]
-pub fn median(values: &[f64]) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let middle = sorted.len() / 2;
-    match sorted.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => sorted[middle],
-        _ => (sorted[middle - 1] + sorted[middle]) / 2.0,
-    }
 }

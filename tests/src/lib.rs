@@ -5,6 +5,7 @@
 //! * [`shapes`], [`rays`], [`scenes`]: triangles and rays that make trouble, and real scenes.
 //! * [`strategy`]: the same for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.
+//! * [`peers`]: Embree and obvhs behind our traits; [`judge`]: who is right where they differ from us.
 //! * [`fake`]: a correct device without hardware, and flawed ones that the suite must find out.
 //!
 //! # Current state and limits
@@ -19,10 +20,23 @@ pub mod brute;
 pub mod conformance;
 pub mod exact;
 pub mod fake;
+pub mod judge;
 pub mod parity;
+pub mod peers;
 pub mod rays;
 pub mod reference;
 pub mod scenes;
 pub mod shapes;
 pub mod strategy;
 pub mod tree;
+
+/// Whether a list separated by commas, the environment variable `RT_REQUIRE`, names what must not be missing.
+#[must_use]
+pub fn is_required(name: &str) -> bool {
+    std::env::var("RT_REQUIRE").is_ok_and(|list| is_listed(name, &list))
+}
+
+/// Whether `name` is in a list separated by commas.
+fn is_listed(name: &str, list: &str) -> bool {
+    list.split(',').any(|entry| entry.trim() == name)
+}

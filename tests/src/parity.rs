@@ -1,16 +1,29 @@
-//! Trees compared with the exact reference on whole scenes.
+//! Trees, devices and peers compared with the exact reference on whole scenes.
 
+use crate::conformance::clock;
+use crate::judge::{Tally, judge};
 use crate::rays::{Aim, RayMaker};
 use crate::reference::{Reference, Verdict};
 use crate::tree;
 use rayon::prelude::*;
-use rt_core::{Camera, Hit, Precision, Query, Ray, Scene, StreamSpec, Triangle, intersect, random};
+use rt_core::{
+    Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
+    tasks_of,
+};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// Rays of one task: enough for several threads to share a launch.
+const TASK: u32 = 1024;
+
+/// The longest a device may take for all rays: a software rasteriser on a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(600);
 
 /// Rays that share a pass over the triangles: enough that reading these from memory does not count.
 const BATCH: usize = 32;
 
-/// The aims of rays 0 to 11, and of every twelve after; `None` is a camera ray. Half are aimed at triangles; a third are
-/// random in the sense that nothing makes them pass near an edge.
+/// The aims of rays 0 to 11, and of every twelve after; `None` is a camera ray. A third are random in the sense that
+/// nothing makes them pass near an edge.
 const AIMS: [Option<Aim>; 12] = [
     Some(Aim::Interior),
     Some(Aim::Random),
@@ -20,7 +33,7 @@ const AIMS: [Option<Aim>; 12] = [
     Some(Aim::Diffuse),
     Some(Aim::Interior),
     Some(Aim::Random),
-    Some(Aim::Interior),
+    Some(Aim::Shadow),
     None,
     Some(Aim::Vertex),
     Some(Aim::Axis),
@@ -40,7 +53,7 @@ pub struct Exam<'a> {
 pub struct Ambiguity {
     /// Ambiguous rays of all aims; those aimed at edges and vertices are meant to be.
     pub all: usize,
-    /// Rays that nothing aims at edges: random segments and camera rays.
+    /// Rays that nothing aims at edges: see [`Kind::is_random`].
     pub random: usize,
     /// Those of them that meet two triangles at nearly one distance: a property of the scene.
     pub random_ties: usize,
@@ -59,6 +72,86 @@ pub struct Marks {
     pub other_choices: usize,
     /// The first disagreement, for a person.
     pub first: Option<String>,
+}
+
+/// What a ray stands for, coarser than its [`Aim`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// From the camera; a random segment where there is none.
+    Primary,
+    /// To a light.
+    Shadow,
+    /// Off a surface.
+    Diffuse,
+    /// Random segments.
+    Random,
+    /// At the inside of a triangle.
+    Interior,
+    /// At edges and vertices, and along the axes.
+    Adversarial,
+}
+
+impl Kind {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 6] =
+        [Self::Primary, Self::Shadow, Self::Diffuse, Self::Random, Self::Interior, Self::Adversarial];
+
+    /// The kind of ray `index` of an [`Exam`].
+    #[must_use]
+    pub const fn of(index: usize) -> Self {
+        match AIMS[index % AIMS.len()] {
+            None => Self::Primary,
+            Some(Aim::Shadow) => Self::Shadow,
+            Some(Aim::Diffuse) => Self::Diffuse,
+            Some(Aim::Random) => Self::Random,
+            Some(Aim::Interior) => Self::Interior,
+            Some(Aim::Edge | Aim::Vertex | Aim::Axis) => Self::Adversarial,
+        }
+    }
+
+    /// Whether nothing makes such rays pass near an edge.
+    #[must_use]
+    pub const fn is_random(self) -> bool {
+        matches!(self, Self::Primary | Self::Random)
+    }
+
+    /// The name that reports use.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Primary => "primary",
+            Self::Shadow => "shadow",
+            Self::Diffuse => "diffuse",
+            Self::Random => "random",
+            Self::Interior => "interior",
+            Self::Adversarial => "adversarial",
+        }
+    }
+}
+
+/// Traces rays, each with the primitive it starts on (`u32::MAX`: none), on a device in one launch.
+///
+/// # Errors
+/// The device's message.
+pub fn trace_all(
+    device: &dyn Device,
+    scene: &Arc<Scene>,
+    rays: &[(Ray, u32)],
+    spec: StreamSpec,
+) -> Result<Vec<Hit>, String> {
+    let named = |e: rt_core::DeviceError| format!("{}: {e}", device.info().name);
+    let mut tracer = device.tracer(Arc::clone(scene), clock).map_err(named)?;
+    let (rays, origins): (Vec<Ray>, Vec<u32>) = rays.iter().copied().unzip();
+    let tasks = tasks_of(rays.len() as u32, TASK);
+    let expected = rays.len();
+    tracer.load_rays(RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) }, spec).map_err(named)?;
+    let ticket = tracer.submit(&tasks, None).map_err(named)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch).map_err(named)?;
+    if launch.hits.len() != expected {
+        return Err(format!("{}: {} hits of {expected} rays", device.info().name, launch.hits.len()));
+    }
+    Ok(launch.hits)
 }
 
 impl<'a> Exam<'a> {
@@ -91,7 +184,7 @@ impl<'a> Exam<'a> {
     pub fn ambiguity(&self) -> Ambiguity {
         let mut found = Ambiguity::default();
         for (i, (verdict, _)) in self.answers.iter().enumerate() {
-            let random = usize::from(matches!(AIMS[i % AIMS.len()], None | Some(Aim::Random)));
+            let random = usize::from(Kind::of(i).is_random());
             found.random += random;
             if verdict.is_ambiguous() {
                 found.all += 1;
@@ -111,8 +204,22 @@ impl<'a> Exam<'a> {
         let spec = StreamSpec { query, precision, counts: false };
         let hits: Vec<Hit> =
             self.rays.par_chunks(1024).flat_map_iter(|rays| tree::trace(scene, spec, rays).0).collect();
+        self.mark_hits(&hits, query)
+    }
+
+    /// Puts the rays to a device.
+    ///
+    /// # Errors
+    /// The device's message.
+    pub fn ask(&self, device: &dyn Device, scene: &Arc<Scene>, spec: StreamSpec) -> Result<Vec<Hit>, String> {
+        trace_all(device, scene, &self.rays, spec)
+    }
+
+    /// Marks the answers, in the order of the rays, of a tracer that must give the defined numbers.
+    #[must_use]
+    pub fn mark_hits(&self, hits: &[Hit], query: Query) -> Marks {
         let mut marks = Marks { hits: hits.iter().filter(|hit| hit.is_hit()).count(), ..Marks::default() };
-        for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(&hits) {
+        for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(hits) {
             let right = self.is_defined(ray, hit)
                 && match query {
                     Query::Closest => verdict.admits(hit.primitive, hit.t),
@@ -121,13 +228,26 @@ impl<'a> Exam<'a> {
             if !right {
                 marks.disagreements += 1;
                 marks.first.get_or_insert_with(|| {
-                    format!("{query:?}, {precision:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
+                    format!("{query:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
                 });
             } else if query == Query::Closest && hit != brute {
                 marks.other_choices += 1;
             }
         }
         marks
+    }
+
+    /// Judges the answers, in the order of the rays, of a tracer that works in single precision: one tally for each of
+    /// [`Kind::ALL`].
+    #[must_use]
+    pub fn judge(&self, hits: &[Hit], query: Query) -> [Tally; Kind::ALL.len()] {
+        let mut tallies = [const { Tally::new() }; Kind::ALL.len()];
+        for (i, (((ray, origin), (verdict, _)), hit)) in self.rays.iter().zip(&self.answers).zip(hits).enumerate() {
+            let finding = judge(self.triangles, ray, *origin, query, verdict, hit);
+            let describe = || format!("{query:?}, {ray:?}: {hit:?}, {finding:?}, but {verdict:?}");
+            tallies[Kind::of(i) as usize].add(finding, describe);
+        }
+        tallies
     }
 
     /// Whether a hit's numbers are those of its triangle.

@@ -19,12 +19,18 @@ pub enum Aim {
     Axis,
     /// From the inside of a random triangle into a random direction; that triangle is left out.
     Diffuse,
+    /// From the inside of a random triangle to just before that of another one, as to a light; the first is left out.
+    Shadow,
 }
 
 impl Aim {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Random, Self::Interior, Self::Edge, Self::Vertex, Self::Axis, Self::Diffuse];
+    pub const ALL: [Self; 7] =
+        [Self::Random, Self::Interior, Self::Edge, Self::Vertex, Self::Axis, Self::Diffuse, Self::Shadow];
 }
+
+/// How far a shadow ray goes, of the way to its light: 1/64 short, so that the light itself is beyond any rounding.
+const SHADOW_END: f32 = 63.0 / 64.0;
 
 /// Makes rays for one set of triangles; the same seed makes the same rays.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +74,12 @@ impl<'a> RayMaker<'a> {
                 (Ray::new(origin, direction), u32::MAX)
             }
             Aim::Diffuse => (Ray::new(inside, sphere(random::pair(self.seed, index, 4))), chosen),
+            Aim::Shadow => {
+                let other = random::below(self.triangles.len() as u32, self.seed, index, 5);
+                let light = self.triangles.get(other as usize).filter(|t| t.is_finite()).unwrap_or(triangle);
+                let centre = light.a + ((light.b - light.a) + (light.c - light.a)) / 3.0;
+                (toward(inside, centre).with_range(0.0, SHADOW_END), chosen)
+            }
         }
     }
 
@@ -112,10 +124,20 @@ mod tests {
             assert!(rays.iter().all(|(ray, _)| ray.is_valid()));
             assert_eq!(rays[17], maker.ray(aim, 17));
             let hits = rays.iter().filter(|(ray, origin)| brute::any(&triangles, ray, *origin)).count();
-            // Of those aimed at an edge, some pass just beside the silhouette.
-            let least = if matches!(aim, Aim::Interior | Aim::Edge | Aim::Vertex) { 180 } else { 50 };
+            // Of those aimed at an edge, some pass just beside the silhouette; inside a sphere, nothing is in the shadow.
+            let least = match aim {
+                Aim::Interior | Aim::Edge | Aim::Vertex => 180,
+                Aim::Shadow => 0,
+                Aim::Random | Aim::Axis | Aim::Diffuse => 50,
+            };
             assert!(hits >= least, "{aim:?}: {hits}");
         }
+        // In a dense soup most lights are hidden.
+        let soup = shapes::soup(3000, 0.3, 1);
+        let maker = RayMaker::new(&soup, 4);
+        let shadows: Vec<_> = (0..200).map(|i| maker.ray(Aim::Shadow, i)).collect();
+        let dark = shadows.iter().filter(|(ray, origin)| brute::any(&soup, ray, *origin)).count();
+        assert!(dark >= 100, "{dark}");
         assert!(RayMaker::new(&[], 0).mixed(30).iter().all(|(ray, _)| ray.is_valid()));
     }
 }

@@ -66,6 +66,15 @@ impl Verdict {
         }
     }
 
+    /// The triangles that may be reported, in the order of their ids.
+    #[must_use]
+    pub fn candidates(&self) -> &[Nearest] {
+        match self {
+            Self::Unambiguous(nearest) => nearest.as_slice(),
+            Self::Ambiguous { candidates, .. } => candidates,
+        }
+    }
+
     /// Whether the ray is ambiguous only because of hits that lie within a few roundings of each other, as on faces
     /// that were modelled twice.
     #[must_use]
@@ -162,21 +171,26 @@ impl<'a> Reference<'a> {
     }
 
     fn candidates(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<Nearest> {
-        let met = ids.iter().filter(|id| **id != origin).filter_map(|&id| {
-            let triangle = &self.triangles[id as usize];
-            let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
-            let mut t = t.map(|t| t as f32);
-            for _ in 0..T_ULPS {
-                t = [t[0].next_down(), t[1].next_up()];
-            }
-            if t[1] < ray.tmin || t[0] > ray.tmax || t[0] == f32::INFINITY || t[1] == f32::NEG_INFINITY {
-                return None;
-            }
-            let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
-            Some(Nearest { primitive: id, certain: certain && inside, t })
-        });
-        met.collect()
+        ids.iter()
+            .filter(|id| **id != origin)
+            .filter_map(|&id| meeting(ray, id, &self.triangles[id as usize]))
+            .collect()
     }
+}
+
+/// How a valid `ray` meets one triangle, whatever is before it; `None` for a clear miss.
+#[must_use]
+pub fn meeting(ray: &Ray, primitive: u32, triangle: &Triangle) -> Option<Nearest> {
+    let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
+    let mut t = t.map(|t| t as f32);
+    for _ in 0..T_ULPS {
+        t = [t[0].next_down(), t[1].next_up()];
+    }
+    if t[1] < ray.tmin || t[0] > ray.tmax || t[0] == f32::INFINITY || t[1] == f32::NEG_INFINITY {
+        return None;
+    }
+    let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
+    Some(Nearest { primitive, certain: certain && inside, t })
 }
 
 /// [`Reference::resolve`] for one ray and no origin.

@@ -3,10 +3,15 @@
 
 mod apt;
 mod command;
+mod embree;
+mod files;
+mod fuzz;
+mod nightly;
 mod no_std;
 mod scenes;
 mod setup;
 mod test;
+mod unsafe_code;
 mod vulkan;
 mod workspace;
 
@@ -19,6 +24,10 @@ usage: cargo xtask <task>
   test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
                   single features and the no_std proof
   no-std          prove that rt-core, rt-bvh and rt-sched need no std
+  loom            try every interleaving of a few devices on the queues
+  asan            AddressSanitizer over everything that has unsafe code (needs the nightly compiler)
+  fuzz --minutes N
+                  libFuzzer on the targets in fuzz/, N minutes in all (needs the nightly compiler)
 
 environment:
 
@@ -28,6 +37,8 @@ environment:
   VK_DRIVER_FILES    Vulkan drivers to be tested, as for any program that uses Vulkan; unless set, three software
                      devices, which `setup` puts into .setup/vulkan and registers below XDG_DATA_HOME for programs
                      that are run by hand
+  RAYBALANCE_EMBREE  the file of an Embree 4 library for the tests to compare with; unless set, one that `setup`
+                     puts into .setup/embree, or the system's
 ";
 
 fn main() -> ExitCode {
@@ -38,6 +49,12 @@ fn main() -> ExitCode {
         ["test"] => test::test(test::Extent::Everything),
         ["test", "--quick"] => test::test(test::Extent::Quick),
         ["no-std"] => no_std::prove(),
+        ["loom"] => unsafe_code::loom(),
+        ["asan"] => unsafe_code::asan(),
+        ["fuzz", "--minutes", minutes] => match minutes.parse() {
+            Ok(minutes) => fuzz::fuzz(minutes),
+            Err(_) => Err(anyhow::anyhow!("`{minutes}` is not a number of minutes")),
+        },
         ["help" | "--help" | "-h"] => {
             print!("{USAGE}");
             Ok(())

@@ -3,7 +3,7 @@
 use crate::command::{cargo, root, succeeds};
 use crate::vulkan::{self, Registration};
 use crate::workspace::Packages;
-use crate::{apt, scenes};
+use crate::{apt, embree, scenes};
 use anyhow::{Context, Result, bail};
 use std::path::PathBuf;
 use std::process::Command;
@@ -17,6 +17,8 @@ pub(crate) struct Setup {
     pub(crate) provided: Vec<&'static str>,
     /// Whether [`vulkan::environment`] names devices.
     pub(crate) software_vulkan: bool,
+    /// Embree's library, if this put it in place.
+    pub(crate) embree: Option<PathBuf>,
 }
 
 /// Backends that run on software Vulkan: their package, and their name in `RT_REQUIRE`.
@@ -101,7 +103,30 @@ const PARTS: &[Part] = &[
         },
         install: |_| vulkan::register(),
     },
+    Part {
+        name: "Embree",
+        state: |_| match () {
+            () if names_embree() => Ok(State::NotNeeded("RAYBALANCE_EMBREE names one")),
+            () if !cfg!(target_os = "linux") => Ok(State::NotNeeded("only for Linux")),
+            () => Ok(present(embree::library().is_some())),
+        },
+        install: |_| match embree::install() {
+            // It is only compared with: whoever is offline can test all else.
+            Err(error) if !is_ci() => Ok(format!("left out, and so are the tests that need it: {error:#}")),
+            result => result,
+        },
+    },
 ];
+
+/// Whether the caller has an Embree of their own.
+fn names_embree() -> bool {
+    std::env::var_os(embree::VARIABLE).is_some_and(|value| !value.is_empty())
+}
+
+/// Whether this runs where nothing may be left out.
+pub(crate) fn is_ci() -> bool {
+    std::env::var_os("CI").is_some_and(|value| value == "true")
+}
 
 /// Puts every part in place.
 pub(crate) fn setup() -> Result<Setup> {
@@ -127,7 +152,11 @@ pub(crate) fn setup() -> Result<Setup> {
     if software_vulkan {
         provided.extend(&context.vulkan);
     }
-    Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target), provided, software_vulkan })
+    let embree = if names_embree() { None } else { embree::library() };
+    if names_embree() || embree.is_some() {
+        provided.push("embree");
+    }
+    Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target), provided, software_vulkan, embree })
 }
 
 fn present(yes: bool) -> State {

@@ -1,9 +1,9 @@
 //! `cargo xtask test`: every check that a change must pass.
 
 use crate::command::{cargo, run};
-use crate::setup::{Setup, setup};
+use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{no_std, vulkan};
+use crate::{embree, no_std, unsafe_code, vulkan};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -90,6 +90,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         let check =
             if no_std::SUPPORTED { Check::Function(no_std::prove) } else { Check::Impossible("needs Linux on x86-64") };
         steps.push(Step { name: "no_std proof".to_owned(), check });
+        steps.push(Step { name: "loom".to_owned(), check: Check::Function(unsafe_code::loom) });
     }
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
@@ -101,15 +102,14 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     if setup.software_vulkan && vulkan::DRIVER_VARIABLES.iter().all(|name| std::env::var_os(name).is_none()) {
         tests.envs(vulkan::environment()?);
     }
+    if let Some(library) = &setup.embree {
+        tests.env(embree::VARIABLE, library);
+    }
     if is_ci() && std::env::var_os("RT_REQUIRE").is_none() {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
     Ok(steps)
-}
-
-fn is_ci() -> bool {
-    std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
 fn summarise(outcomes: &[(String, Outcome)], total: usize, spent: Duration) {

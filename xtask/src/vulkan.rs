@@ -5,6 +5,7 @@
 
 use crate::apt;
 use crate::command::{root, succeeds};
+use crate::files::remove;
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
 use std::ffi::OsString;
@@ -222,13 +223,6 @@ fn absent_libraries(library: &Path) -> Result<Vec<String>> {
 fn recreate(folder: &Path) -> Result<()> {
     remove(folder)?;
     fs::create_dir_all(folder).with_context(|| format!("cannot create `{}`", folder.display()))
-}
-
-fn remove(folder: &Path) -> Result<()> {
-    if folder.exists() {
-        fs::remove_dir_all(folder).with_context(|| format!("cannot remove `{}`", folder.display()))?;
-    }
-    Ok(())
 }
 
 #[cfg(test)]

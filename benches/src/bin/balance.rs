@@ -7,8 +7,9 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
+use rt_balance::stats::median;
 use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
-use rt_benches::{BenchScene, median};
+use rt_benches::BenchScene;
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_scene::streams::Spawner;
 use rt_sched::estimate::{Sampled, Uniform};

@@ -3,7 +3,7 @@
 //! `cargo run --release -p rt-benches --bin planning`
 #![forbid(unsafe_code)]
 
-use rt_benches::median;
+use rt_balance::stats::median;
 use rt_core::{CostModel, Work, random};
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::HybridQueue;

@@ -3,7 +3,8 @@
 //! `cargo run --release -p rt-benches --bin traversal -- SCENE... [--builder NAME] [--runs 7] [--size 1024x1024]`
 #![forbid(unsafe_code)]
 
-use rt_benches::{BenchScene, median};
+use rt_balance::stats::median;
+use rt_benches::BenchScene;
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use rt_scene::streams::{Spawner, Sun};

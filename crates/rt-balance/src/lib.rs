@@ -42,6 +42,7 @@ mod record;
 mod reference;
 pub mod report;
 mod run;
+pub mod stats;
 mod stream;
 
 pub use balancer::Balancer;

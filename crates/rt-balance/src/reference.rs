@@ -5,6 +5,7 @@ use crate::measure::tests_of;
 use crate::member::Member;
 use crate::models::measured;
 use crate::report::StreamRun;
+use crate::stats::median;
 use crate::{BalanceError, Stream, clock};
 use rt_core::{DeviceError, Launch, TestCounts, Work};
 use rt_sched::calibrate::Calibration;
@@ -73,7 +74,7 @@ impl Reference {
         let first = passes.first()?;
         let median_of = |device: usize, task: usize| {
             let values = passes.iter().filter_map(|pass| pass.seconds.get(device)?.get(task).copied());
-            median(&mut values.collect::<Vec<_>>())
+            median(&values.collect::<Vec<_>>())
         };
         let seconds: Vec<Vec<f64>> = (0..first.seconds.len())
             .map(|device| (0..first.seconds[device].len()).map(|task| median_of(device, task)).collect())
@@ -158,7 +159,7 @@ fn time_tasks(member: &mut Member, stream: &Stream, passes: usize) -> Vec<f64> {
     if done.is_none() {
         return Vec::new();
     }
-    samples.iter_mut().map(|s| median(s)).collect()
+    samples.iter().map(|s| median(s)).collect()
 }
 
 fn count_tasks(tracer: &mut dyn rt_core::Tracer, stream: &Stream) -> Result<Vec<f64>, DeviceError> {
@@ -170,14 +171,4 @@ fn count_tasks(tracer: &mut dyn rt_core::Tracer, stream: &Stream) -> Result<Vec<
         counts[task.first as usize..(task.first + task.rays) as usize].copy_from_slice(&launch.counts);
     }
     Ok(tests_of(stream, &counts))
-}
-
-fn median(samples: &mut [f64]) -> f64 {
-    samples.sort_by(f64::total_cmp);
-    let middle = samples.len() / 2;
-    match samples.len() {
-        0 => f64::NAN,
-        n if n % 2 == 1 => samples[middle],
-        _ => (samples[middle - 1] + samples[middle]) / 2.0,
-    }
 }

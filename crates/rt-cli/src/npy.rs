@@ -42,7 +42,11 @@ pub fn read_rays(path: &Path) -> Result<Vec<Ray>> {
     parse_rays(&mut BufReader::new(file)).with_context(|| format!("cannot read rays from `{}`", path.display()))
 }
 
-fn parse_rays(input: &mut impl Read) -> Result<Vec<Ray>> {
+/// Reads rays as [`read_rays`] does, from memory or any other place.
+///
+/// # Errors
+/// Likewise; the message names no file.
+pub fn parse_rays(input: &mut impl Read) -> Result<Vec<Ray>> {
     let header = read_header(input)?;
     let rows = check_layout(&header)?;
     let mut rays: Vec<Ray> = Vec::new();

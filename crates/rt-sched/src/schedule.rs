@@ -49,7 +49,8 @@ impl Schedule {
         &self.lists
     }
 
-    /// Predicted seconds of each device: its tasks, and one launch where it has any.
+    /// Predicted seconds of each device: its tasks, and one launch where it has any. [`Lpt`](crate::policy::Lpt) rounds
+    /// each task to about 2⁻¹⁹ of the dearest.
     #[must_use]
     pub fn seconds(&self) -> &[f64] {
         &self.seconds

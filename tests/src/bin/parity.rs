@@ -1,28 +1,40 @@
-//! Compares the trees of every builder with the exact reference on real scenes and prints a table.
+//! Compares this project's trees, Embree and obvhs with the exact reference on real scenes.
 //!
-//! `cargo run --release -p rt-tests --bin parity -- --rays 100000 [--scene NAME] [--seed N]`, with the environment
-//! variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer is wrong.
+//! `cargo run --release -p rt-tests --bin parity -- --rays 100000 [--scene NAME] [--seed N] [--json FILE]`, with the
+//! environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
+//! ours is wrong. Embree is left out, with the reason, where its library is missing; `RT_REQUIRE=embree` forbids that.
 //!
-//! Columns: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and how many of
-//! these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives another of the
-//! admitted answers than a tree; wrong answers, over all builders, both careful precisions and both queries.
+//! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
+//! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
+//! another of the admitted answers than a tree; wrong answers, over all builders, both careful precisions and both
+//! queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
+//! kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
 #![forbid(unsafe_code)]
 
 use rt_bvh::Builder;
-use rt_core::{Precision, Query};
-use rt_tests::parity::Exam;
+use rt_core::{Device, Precision, Query, StreamSpec};
+use rt_tests::fake::FakeDevice;
+use rt_tests::judge::Tally;
+use rt_tests::parity::{Exam, Kind};
 use rt_tests::scenes::{self, RealScene};
-use rt_tests::tree;
+use rt_tests::{is_required, peers, tree};
+use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::time::Instant;
 
-const USAGE: &str = "usage: parity [--rays N] [--scene NAME] [--seed N]";
+const USAGE: &str = "usage: parity [--rays N] [--scene NAME] [--seed N] [--json FILE]";
 
 struct Arguments {
     rays: u32,
     scene: Option<String>,
     seed: u32,
+    json: Option<PathBuf>,
 }
+
+/// Tracers in single precision: their names, devices and precisions.
+type Peers = Vec<(String, Arc<dyn Device>, Precision)>;
 
 fn main() -> ExitCode {
     match arguments().and_then(|arguments| run(&arguments)) {
@@ -39,7 +51,7 @@ fn main() -> ExitCode {
 }
 
 fn arguments() -> Result<Arguments, String> {
-    let mut found = Arguments { rays: 100_000, scene: None, seed: 1 };
+    let mut found = Arguments { rays: 100_000, scene: None, seed: 1, json: None };
     let mut words = std::env::args().skip(1);
     while let Some(name) = words.next() {
         let value = words.next().ok_or_else(|| format!("{name}: a value is missing; {USAGE}"))?;
@@ -48,37 +60,42 @@ fn arguments() -> Result<Arguments, String> {
             "--rays" => found.rays = number()?,
             "--seed" => found.seed = number()?,
             "--scene" => found.scene = Some(value),
+            "--json" => found.json = Some(value.into()),
             _ => return Err(format!("{name}: no such option; {USAGE}")),
         }
     }
     Ok(found)
 }
 
-/// Returns the number of wrong answers.
+/// Returns the number of wrong answers of ours.
 fn run(arguments: &Arguments) -> Result<usize, String> {
     let mut scenes = scenes::find()?;
     scenes.retain(|scene| arguments.scene.as_ref().is_none_or(|name| *name == scene.name));
     if scenes.is_empty() {
         return Err(format!("no scene of that name in the folder of {}", scenes::VARIABLE));
     }
-    println!(
-        "{:<14} {:>9} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>13} {:>8}",
-        "scene",
-        "triangles",
-        "rays",
-        "hits",
-        "ambiguous",
-        "random",
-        "ties",
-        "doubtful",
-        "other",
-        "disagreements",
-        "seconds"
-    );
-    scenes.iter().map(|scene| examine(scene, arguments)).sum()
+    let (found, missing) = peers::all();
+    if let Some(reason) = missing.first().filter(|_| is_required("embree")) {
+        return Err(format!("required by RT_REQUIRE, but missing: {reason}"));
+    }
+    missing.iter().for_each(|reason| println!("left out: {reason}"));
+    let named = |device: Arc<dyn Device>| (device.info().name.clone(), device, Precision::default());
+    let mut peers: Peers = vec![("our fast".to_owned(), Arc::new(FakeDevice::honest()), Precision::Fast)];
+    peers.extend(found.into_iter().map(named));
+    let (mut wrong, mut reports) = (0, Vec::new());
+    for scene in &scenes {
+        let (errors, report) = examine(scene, arguments, &peers)?;
+        wrong += errors;
+        reports.push(report);
+    }
+    if let Some(path) = &arguments.json {
+        let report = json!({ "rays": arguments.rays, "seed": arguments.seed, "left_out": missing, "scenes": reports });
+        std::fs::write(path, format!("{report:#}\n")).map_err(|e| format!("--json {}: {e}", path.display()))?;
+    }
+    Ok(wrong)
 }
 
-fn examine(scene: &RealScene, arguments: &Arguments) -> Result<usize, String> {
+fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(usize, Value), String> {
     let begin = Instant::now();
     let model = scene.load()?;
     let triangles = scenes::triangles(&model);
@@ -92,25 +109,86 @@ fn examine(scene: &RealScene, arguments: &Arguments) -> Result<usize, String> {
                 let marks = exam.mark(&tree, query, precision);
                 (hits, wrong, other) = (marks.hits, wrong + marks.disagreements, other.max(marks.other_choices));
                 if let Some(first) = marks.first {
-                    eprintln!("{}, {builder}: {first}", scene.name);
+                    eprintln!("{}, {builder}, {precision:?}: {first}", scene.name);
                 }
             }
         }
     }
     let ambiguity = exam.ambiguity();
     println!(
-        "{:<14} {:>9} {:>8} {:>8} {:>9} {:>8} {:>8} {:>8} {:>8} {:>13} {:>8.1}",
+        "\n{}: {} triangles, {} rays: {hits} hit, {} ambiguous; of {} random ones {} ties, {} doubtful; \
+         {other} other choices; {wrong} WRONG answers of ours; {:.1} s",
         scene.name,
         triangles.len(),
         exam.rays(),
-        hits,
         ambiguity.all,
         ambiguity.random,
         ambiguity.random_ties,
         ambiguity.random_doubtful,
-        other,
-        wrong,
         begin.elapsed().as_secs_f64()
     );
-    Ok(wrong)
+    let scene_of_peers = tree::build(&triangles, Builder::Sah)?;
+    header();
+    let mut reports = Vec::new();
+    for (name, device, precision) in peers {
+        let judged = [Query::Closest, Query::Any].map(|query| {
+            let spec = StreamSpec { query, precision: *precision, counts: false };
+            exam.ask(&**device, &scene_of_peers, spec).map(|hits| exam.judge(&hits, query))
+        });
+        match judged {
+            [Ok(closest), Ok(any)] => {
+                row(name, &closest, &any);
+                reports.push(json!({ "tracer": name, "closest": tallies(&closest), "any": tallies(&any) }));
+            }
+            [Err(reason), _] | [_, Err(reason)] => {
+                println!("  {name:<22} failed: {reason}");
+                reports.push(json!({ "tracer": name, "failed": reason }));
+            }
+        }
+    }
+    let report = json!({
+        "scene": scene.name,
+        "triangles": triangles.len(),
+        "rays": exam.rays(),
+        "hits": hits,
+        "ambiguous": ambiguity.all,
+        "random": ambiguity.random,
+        "random_ties": ambiguity.random_ties,
+        "random_doubtful": ambiguity.random_doubtful,
+        "ours": { "trees": Builder::ALL.len(), "other_choices": other, "wrong": wrong },
+        "single_precision": reports,
+    });
+    Ok((wrong, report))
+}
+
+fn header() {
+    print!("  {:<22} {:>8} {:>8}", "wrong answers of", "queries", "all");
+    Kind::ALL.into_iter().for_each(|kind| print!(" {:>11}", kind.name()));
+    println!(" | {:>8} {:>8} {:>8} {:>8} | {:>8}", "misses", "hits", "order", "distance", "ties");
+}
+
+fn row(name: &str, closest: &[Tally], any: &[Tally]) {
+    let mut all = Tally::new();
+    closest.iter().chain(any).for_each(|tally| all.merge(tally.clone()));
+    print!("  {name:<22} {:>8} {:>8}", all.rays, all.errors());
+    closest.iter().zip(any).for_each(|(closest, any)| print!(" {:>11}", closest.errors() + any.errors()));
+    let Tally { false_misses, false_hits, order, distance, ties, .. } = all;
+    println!(" | {false_misses:>8} {false_hits:>8} {order:>8} {distance:>8} | {ties:>8}");
+}
+
+fn tallies(of: &[Tally]) -> Value {
+    let tally = |(kind, tally): (Kind, &Tally)| {
+        json!({
+            "kind": kind.name(),
+            "rays": tally.rays,
+            "errors": tally.errors(),
+            "false_misses": tally.false_misses,
+            "false_hits": tally.false_hits,
+            "order": tally.order,
+            "distance": tally.distance,
+            "ties": tally.ties,
+            "first": tally.first,
+        })
+    };
+    Kind::ALL.into_iter().zip(of).map(tally).collect()
 }

@@ -24,6 +24,7 @@ mod streams;
 
 pub use session::clock;
 
+use crate::is_required;
 use libtest_mimic::{Completion, Failed, Trial};
 use rt_core::Device;
 use std::fmt;
@@ -69,10 +70,9 @@ pub fn cases() -> Vec<Case> {
 /// Every case for every device; devices that `RT_REQUIRE` names must be there.
 #[must_use]
 pub fn trials(subjects: Vec<Subject>) -> Vec<Trial> {
-    let required = std::env::var("RT_REQUIRE").unwrap_or_default();
     let mut trials = Vec::new();
     for Subject { backend, label, device } in subjects {
-        let must = is_listed(&backend, &required);
+        let must = is_required(&backend);
         for case in cases() {
             let device = device.clone();
             let trial = Trial::ignorable_test(case.name, move || conclude(case, device, must));
@@ -80,11 +80,6 @@ pub fn trials(subjects: Vec<Subject>) -> Vec<Trial> {
         }
     }
     trials
-}
-
-/// Whether `name` is in a list separated by commas.
-fn is_listed(name: &str, list: &str) -> bool {
-    list.split(',').any(|entry| entry.trim() == name)
 }
 
 /// Runs a case, or says why it was not run: a failure where the device `must` be there.
@@ -99,6 +94,7 @@ fn conclude(case: Case, device: Result<Arc<dyn Device>, String>, must: bool) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::is_listed;
 
     #[test]
     fn a_missing_device_is_ignored_with_its_reason_unless_required() {

@@ -2,9 +2,10 @@
 //!
 //! Products are fused by force with the sums they feed. The kernels for Vulkan, whose decoration forbids that and is
 //! disregarded, must be found out: by the check at the start, and, where that is passed over, by other hits. The kernels for wgpu, which
-//! cannot carry the decoration, must bear it.
+//! cannot carry the decoration, must bear it. So for flushing denormal numbers to zero, which that rasteriser does not
+//! either.
 
-use crate::spirv::{Pattern, flattened, fused};
+use crate::spirv::{Pattern, flattened, flushed, fused};
 use crate::{Backend, Found, hits};
 use backend_vulkan::{Options, VulkanDevice};
 use libtest_mimic::{Completion, Failed, Trial};
@@ -56,6 +57,7 @@ pub(crate) fn trials(found: &Found) -> Vec<Trial> {
         let name = format!("contraction_of_{pattern:?}_products_breaks_kernels_without_defence").to_lowercase();
         all.push(found.ignorable(&name, move |found| if_there_are_tools(|| breaks(found, bare(pattern)))));
     }
+    all.push(found.trial("flushed_denormal_numbers_change_nothing", flushed_denormal_numbers_change_nothing));
     let name = "a_device_that_contracts_is_refused";
     all.push(found.ignorable(name, |found| if_there_are_tools(|| is_refused(found))));
     all
@@ -102,15 +104,20 @@ fn open(found: &Found, replace: Replace) -> Result<VulkanDevice, Failed> {
     Ok(devices.into_iter().nth(found.position).ok_or("the device is gone")??)
 }
 
-/// Closed meshes, and rays that kernels leak on.
-fn meshes() -> Result<Vec<(Arc<Scene>, Vec<(Ray, u32)>)>, Failed> {
+/// A closed mesh, and rays that kernels leak on.
+struct Mesh {
+    scene: Arc<Scene>,
+    rays: Vec<(Ray, u32)>,
+}
+
+fn meshes() -> Result<Vec<Mesh>, Failed> {
     let offsets = [glam::Vec3::ZERO, glam::Vec3::new(1e3, -2e3, 7.0)];
     let mesh = |offset| {
         let triangles = shapes::moved(&shapes::icosphere(4), offset);
         let maker = RayMaker::new(&triangles, 12);
         let inner = (0..RAYS / 4).map(|i| hits::inner_ray(&triangles, offset, i));
         let outer = (0..RAYS / 4).map(|i| maker.ray(if i & 1 == 0 { Aim::Edge } else { Aim::Vertex }, i));
-        Ok((tree::build(&triangles, Builder::Sah)?, inner.chain(outer).collect()))
+        Ok(Mesh { scene: tree::build(&triangles, Builder::Sah)?, rays: inner.chain(outer).collect() })
     };
     offsets.into_iter().map(mesh).collect()
 }
@@ -118,7 +125,7 @@ fn meshes() -> Result<Vec<(Arc<Scene>, Vec<(Ray, u32)>)>, Failed> {
 /// Fails when the defence is in the source already, so that [`spares`] would show nothing.
 fn breaks(found: &Found, replace: Replace) -> Result<(), Failed> {
     let device = open(found, replace)?;
-    for (scene, rays) in meshes()? {
+    for Mesh { scene, rays } in meshes()? {
         if let Err(difference) = hits::compare_rays(&device, &scene, &rays) {
             println!("as it should: {}", difference.message().unwrap_or_default());
             return Ok(());
@@ -130,7 +137,12 @@ fn breaks(found: &Found, replace: Replace) -> Result<(), Failed> {
 /// Fails when the hidden `keep` returns its argument.
 fn spares(found: &Found, replace: Replace) -> Result<(), Failed> {
     let device = open(found, replace)?;
-    meshes()?.into_iter().try_for_each(|(scene, rays)| hits::compare_rays(&device, &scene, &rays))
+    meshes()?.into_iter().try_for_each(|Mesh { scene, rays }| hits::compare_rays(&device, &scene, &rays))
+}
+
+/// Fails without the kernels' LEAST_SUM: distances to tiny triangles are then off by more than the kernels believe.
+fn flushed_denormal_numbers_change_nothing(found: &Found) -> Result<(), Failed> {
+    hits::tiny_triangles_close_by(&open(found, |kernel| flushed(&kernel.spirv()))?)
 }
 
 /// The check at the start finds a device out that fuses, but not one whose kernels bear it.

@@ -162,29 +162,32 @@ pub(crate) fn few_random_rays_are_left_to_the_host(found: &Found) -> Result<(), 
     Ok(())
 }
 
-/// Rays that end exactly where they hit, on triangles so small and so close that products of a kernel are flushed to zero.
-/// Fails, on devices that flush, without the kernels' LEAST_SUM: the distance is then off by more than they believe.
-pub(crate) fn tiny_triangles_close_by_are_the_processors(found: &Found) -> Result<(), Failed> {
+/// Rays that end exactly where they hit, on a triangle so small and so close that a kernel's products are denormal.
+pub(crate) fn tiny_triangles_close_by(device: &dyn Device) -> Result<(), Failed> {
     let power = |exponent: i32| 2.0_f32.powi(exponent);
+    // Local units are half as long as given ones, since the scene reaches to 1. So this is 2⁻³⁵ across, just above the
+    // kernels' SMALLEST, and thin, so that edge functions are about 2⁻⁸⁰.
+    let [width, height] = [power(-35), power(-43)];
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]].map(|[x, y]| glam::Vec3::new(x * width, y * height, 0.0));
+    let tiny = Triangle::new(corners[0], corners[1], corners[2]);
     // Keeps the scene's unit of length at about 1.
-    let mut triangles = vec![Triangle::new(glam::Vec3::NEG_ONE, glam::Vec3::X, glam::Vec3::Y)];
-    let tiny = [[-1.0, -1.0], [1.0, -1.0], [0.0, 1.0]];
-    for size in [-35, -30, -25] {
-        let corners = tiny.map(|[x, y]: [f32; 2]| glam::Vec3::new(x, y, 0.0) * power(size));
-        triangles.push(Triangle::new(corners[0], corners[1], corners[2]));
-    }
-    let scene = tree::build(&triangles, Builder::Sah)?;
+    let far = Triangle::new(glam::Vec3::NEG_ONE, glam::Vec3::new(-1.0, -1.0, -0.5), glam::Vec3::new(-1.0, -0.5, -1.0));
+    let scene = tree::build(&[tiny, far], Builder::Sah)?;
     let ray = |i: u32| {
         let [x, y] = random::pair(4, i, 0);
         let [z, w] = random::pair(4, i, 1);
-        let distance = power(-23 + (i % 8) as i32) * (1.0 + z);
-        let aside = glam::Vec3::new(x - 0.5, y - 0.5, 0.0);
-        let direction = (aside * 0.25 + glam::Vec3::NEG_Z) * (1.0 + w);
-        let ray = Ray::new(glam::Vec3::Z * distance - aside * 0.25 * -distance, direction);
-        // Some of them meet the smallest triangle only by chance: what counts is that many meet one.
+        let backward = glam::Vec3::new(x - 0.5, y - 0.5, 1.0);
+        // Local distances from 2⁻²³, twice the kernels' NEAREST.
+        let distance = power(-22) * (1.0 + z * z * 8.0);
+        let target = glam::Vec3::new((w - 0.5) * width * 0.5, -0.5 * height, 0.0);
+        let ray = Ray::new(target + backward * distance, -backward * (1.0 + w));
         let (hits, _) = tree::trace(&scene, StreamSpec::default(), &[(ray, u32::MAX)]);
         (if hits[0].is_hit() { ray.with_range(0.0, hits[0].t) } else { ray }, u32::MAX)
     };
     let rays: Vec<_> = (0..20_000).map(ray).collect();
-    compare_rays(&*found.device, &scene, &rays)
+    let met = rays.iter().filter(|(ray, _)| ray.tmax.is_finite()).count();
+    if met < rays.len() / 2 {
+        return Err(format!("only {met} of {} rays meet the triangle", rays.len()).into());
+    }
+    compare_rays(device, &scene, &rays)
 }

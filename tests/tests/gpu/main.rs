@@ -129,7 +129,8 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
     let mut all = vec![
         found.trial("closed_meshes_do_not_leak", move |found| hits::closed_meshes_do_not_leak(found, count)),
         found.trial("few_random_rays_are_left_to_the_host", hits::few_random_rays_are_left_to_the_host),
-        found.trial("tiny_triangles_close_by_are_the_processors", hits::tiny_triangles_close_by_are_the_processors),
+        found
+            .trial("tiny_triangles_close_by_are_the_processors", |found| hits::tiny_triangles_close_by(&*found.device)),
         found.trial("builtin_yard_is_the_processors", |found| hits::compare(&*found.device, &builtin::yard())),
         found.trial("builtin_car_is_the_processors", |found| hits::compare(&*found.device, &builtin::car())),
         found.trial("too_many_rays_are_refused_with_their_size", limits::too_many_rays_are_refused_with_their_size),

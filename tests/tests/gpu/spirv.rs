@@ -1,4 +1,4 @@
-//! What a driver that contracts makes of a kernel: SPIR-V in which sums of products are fused.
+//! What drivers may make of a kernel: SPIR-V in which sums of products are fused, or denormal results are flushed.
 
 use libtest_mimic::Failed;
 use std::collections::HashMap;
@@ -32,23 +32,32 @@ impl Pattern {
 const HEADER: usize = 5;
 
 // Opcodes and numbers of the SPIR-V specification.
+const EXT_INST_IMPORT: u32 = 11;
 const EXT_INST: u32 = 12;
 const CAPABILITY: u32 = 17;
+const TYPE_INT: u32 = 21;
 const TYPE_FLOAT: u32 = 22;
 const TYPE_VECTOR: u32 = 23;
+const CONSTANT: u32 = 43;
 const FUNCTION: u32 = 54;
 const DECORATE: u32 = 71;
 const COMPOSITE_CONSTRUCT: u32 = 80;
 const F_CONVERT: u32 = 115;
+const BITCAST: u32 = 124;
 const F_NEGATE: u32 = 127;
 const F_ADD: u32 = 129;
 const F_SUB: u32 = 131;
+const I_MUL: u32 = 132;
 const F_MUL: u32 = 133;
+const F_DIV: u32 = 136;
 const VECTOR_TIMES_SCALAR: u32 = 142;
+const SHIFT_RIGHT_LOGICAL: u32 = 194;
+const BITWISE_AND: u32 = 199;
 const NO_CONTRACTION: u32 = 42;
 const FLOAT64: u32 = 10;
 /// Of GLSL.std.450, the only set that naga imports.
 const FMA: u32 = 50;
+const U_MIN: u32 = 38;
 
 /// A product of two values, perhaps negated.
 #[derive(Clone, Copy)]
@@ -107,7 +116,7 @@ struct Fusion {
 /// Fused by double precision: the product is exact there. The sum is rounded twice, which a fused operation would not do;
 /// it is as wrong for the kernels as that.
 pub(crate) fn fused(words: &[u32], pattern: Pattern) -> (Vec<u32>, usize) {
-    let floats = floats(words);
+    let floats = numbers(words, TYPE_FLOAT);
     let fusions = fusions(words, pattern, &products(words, &floats));
     let mut out = Writer { words: words[..HEADER].to_vec(), next: words[3] };
     out.put(CAPABILITY, &[FLOAT64]);
@@ -172,21 +181,100 @@ fn fuse(out: &mut Writer, [ty, id]: [u32; 2], double: u32, components: usize, fu
     out.put(F_CONVERT, &[ty, id, sum]);
 }
 
-/// Types of single-precision numbers and vectors, with their numbers of components.
-fn floats(words: &[u32]) -> HashMap<u32, usize> {
-    let mut floats = HashMap::new();
+/// The module with every denormal result of arithmetic replaced by 0.
+pub(crate) fn flushed(words: &[u32]) -> Vec<u32> {
+    let floats = numbers(words, TYPE_FLOAT);
+    let mut out = Writer { words: words[..HEADER].to_vec(), next: words[3] };
+    let is_arithmetic = |op| [F_ADD, F_SUB, F_MUL, F_DIV, VECTOR_TIMES_SCALAR].contains(&op);
+    // What results are called before they are flushed.
+    let mut raw = HashMap::new();
+    let mut library = 0;
     for instruction in split(words) {
-        match *instruction {
-            [first, id, 32, ..] if first & 0xffff == TYPE_FLOAT => {
-                floats.insert(id, 1);
-            }
-            [first, id, component, count] if first & 0xffff == TYPE_VECTOR && floats.get(&component) == Some(&1) => {
-                floats.insert(id, count as usize);
+        match (instruction[0] & 0xffff, instruction) {
+            (EXT_INST_IMPORT, [_, id, ..]) => library = *id,
+            (op, [_, _, id, ..]) if is_arithmetic(op) => {
+                raw.insert(*id, out.next);
+                out.next += 1;
             }
             _ => {}
         }
     }
-    floats
+    let mut constants = None;
+    for instruction in split(words) {
+        if instruction[0] & 0xffff == FUNCTION && constants.is_none() {
+            constants = Some(BitConstants::declare(&mut out, words, &floats));
+        }
+        match (instruction, &constants) {
+            ([first, id, NO_CONTRACTION], _) if first & 0xffff == DECORATE => {
+                out.put(DECORATE, &[raw.get(id).copied().unwrap_or(*id), NO_CONTRACTION]);
+            }
+            ([first, ty, id, operands @ ..], Some(constants)) if is_arithmetic(first & 0xffff) => {
+                out.put(first & 0xffff, &[&[*ty, raw[id]], operands].concat());
+                constants.flush(&mut out, [*ty, *id], raw[id], floats[ty], library);
+            }
+            _ => out.words.extend(instruction),
+        }
+    }
+    out.words[3] = out.next;
+    out.words
+}
+
+/// What it takes to look at a number's exponent.
+struct BitConstants {
+    /// Whole numbers, by number of components.
+    types: HashMap<usize, u32>,
+    /// 23, 255 and 1.
+    values: [u32; 3],
+}
+
+impl BitConstants {
+    /// Writes constants, and those types that are not there yet.
+    fn declare(out: &mut Writer, words: &[u32], floats: &HashMap<u32, usize>) -> Self {
+        let there = numbers(words, TYPE_INT);
+        let mut types: HashMap<usize, u32> = there.iter().map(|(&id, &size)| (size, id)).collect();
+        let scalar = types[&1];
+        for &size in floats.values() {
+            types.entry(size).or_insert_with(|| {
+                let id = out.next;
+                out.next += 1;
+                out.put(TYPE_VECTOR, &[id, scalar, size as u32]);
+                id
+            });
+        }
+        Self { types, values: [23, 255, 1].map(|value| out.value(CONSTANT, scalar, &[value])) }
+    }
+
+    /// Writes `[ty, id] = x`, or 0 where the exponent's bits are 0.
+    fn flush(&self, out: &mut Writer, [ty, id]: [u32; 2], x: u32, components: usize, library: u32) {
+        let whole = self.types[&components];
+        let [shift, mask, one] = match components {
+            1 => self.values,
+            _ => self.values.map(|value| out.value(COMPOSITE_CONSTRUCT, whole, &vec![value; components])),
+        };
+        let bits = out.value(BITCAST, whole, &[x]);
+        let shifted = out.value(SHIFT_RIGHT_LOGICAL, whole, &[bits, shift]);
+        let exponent = out.value(BITWISE_AND, whole, &[shifted, mask]);
+        let normal = out.value(EXT_INST, whole, &[library, U_MIN, exponent, one]);
+        let kept = out.value(I_MUL, whole, &[bits, normal]);
+        out.put(BITCAST, &[ty, id, kept]);
+    }
+}
+
+/// Types of 32-bit numbers of a kind, unsigned if whole, and of vectors of them, with their numbers of components.
+fn numbers(words: &[u32], kind: u32) -> HashMap<u32, usize> {
+    let mut found = HashMap::new();
+    for instruction in split(words) {
+        match *instruction {
+            [first, id, 32] | [first, id, 32, 0] if first & 0xffff == kind => {
+                found.insert(id, 1);
+            }
+            [first, id, component, count] if first & 0xffff == TYPE_VECTOR && found.get(&component) == Some(&1) => {
+                found.insert(id, count as usize);
+            }
+            _ => {}
+        }
+    }
+    found
 }
 
 /// Every product by the id of its result, also seen through negations.

@@ -1,11 +1,11 @@
 //! One queue for all devices.
 
+use super::atomics::{AtomicU32, Ordering};
 use super::ledger::Ledger;
 use super::{Pop, TaskQueue};
 use crate::policy::{dearest_first, mean_model, seconds};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::sync::atomic::{AtomicU32, Ordering};
 use rt_core::{CostModel, TaskId, Work};
 
 /// A central queue: whoever is free takes the dearest task that is left, one task per launch.

@@ -1,9 +1,9 @@
 //! Who holds which task: the bookkeeping that all queues share.
 
 use super::Pop;
+use super::atomics::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use core::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use rt_core::TaskId;
 
 /// Holder of a task that waits in a queue.

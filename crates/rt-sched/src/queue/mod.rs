@@ -17,12 +17,15 @@
 //! Queues own no thread and no clock. What a caller owes them: every task of a launch is in the end named in `finish`
 //! or in `retire`, and a device told [`Pop::Wait`] asks again after the next `finish` or `retire` of any device.
 
+mod atomics;
 mod central;
 mod fixed;
 mod hybrid;
+#[cfg(all(test, loom))]
+mod interleavings;
 mod ledger;
 mod slots;
-#[cfg(test)]
+#[cfg(all(test, not(loom)))]
 mod tests;
 
 pub use central::CentralQueue;

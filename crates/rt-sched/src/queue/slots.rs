@@ -1,9 +1,9 @@
 //! One range of tasks per device, each in one atomic word.
 
+use super::atomics::{AtomicU64, Ordering};
 use crate::Schedule;
 use alloc::boxed::Box;
 use core::ops::Range;
-use core::sync::atomic::{AtomicU64, Ordering};
 use rt_core::TaskId;
 
 /// The lists of a schedule one behind another, never changed, and for each device the range of positions that is

@@ -1,0 +1,36 @@
+//! Files of users: OBJ scenes and NumPy rays.
+
+use rt_bvh::{BuildOptions, InvalidTriangles, Mesh};
+use rt_scene::obj::{LoadOptions, load_obj_from};
+
+/// Loads the bytes as an OBJ file, which may name itself as its material file; what it accepts can be built.
+pub fn obj(data: &[u8]) {
+    for drop_invalid in [false, true] {
+        let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
+        let materials = |_: &str| Ok(data.to_vec());
+        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut |_| ()) {
+            Ok(loaded) => {
+                let model = &loaded.model;
+                let count = model.positions.len();
+                assert!(model.indices.iter().flatten().all(|&i| (i as usize) < count), "an index leads nowhere");
+                assert!(model.colour_of.is_empty() || model.colour_of.len() == model.indices.len());
+                let mesh = Mesh { positions: &model.positions, indices: &model.indices };
+                let invalid = if drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse };
+                let built = rt_bvh::build(mesh, &BuildOptions { invalid, ..BuildOptions::default() });
+                assert!(built.is_ok(), "the loader accepted what the builder refuses: {:?}", built.err());
+            }
+            Err(error) => {
+                let message = error.to_string();
+                assert!(message.contains("fuzzed.obj"), "the error does not name the file: {message}");
+            }
+        }
+    }
+}
+
+/// Reads the bytes as a NumPy file of rays.
+pub fn npy(data: &[u8]) {
+    let mut rest = data;
+    if let Ok(rays) = rt_cli::npy::parse_rays(&mut rest) {
+        assert!(rays.len() * size_of::<rt_core::Ray>() <= data.len(), "more rays than the file holds");
+    }
+}

@@ -1,0 +1,21 @@
+//! What raybalance's fuzz targets do with their bytes.
+//!
+//! Each case takes any bytes and panics if a promise is broken: no panic, hang or wrong answer whatever comes in. The
+//! programs in `fuzz/fuzz_targets` hand them to libFuzzer (`cargo xtask fuzz`); the test `corpus` of this package replays
+//! `fuzz/corpus`, where every input that once broke something stays.
+#![forbid(unsafe_code)]
+
+mod bytes;
+mod files;
+mod geometry;
+mod scheduling;
+
+pub use files::{npy, obj};
+pub use geometry::geometry;
+pub use scheduling::scheduling;
+
+/// A case: panics if its bytes break a promise.
+pub type Case = fn(&[u8]);
+
+/// All cases by the name of their program and their folder in the corpus.
+pub const CASES: &[(&str, Case)] = &[("obj", obj), ("npy", npy), ("geometry", geometry), ("scheduling", scheduling)];

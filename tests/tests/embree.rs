@@ -1,0 +1,198 @@
+//! Embree and this project's devices on the same rays: random meshes and real scenes; nearest and any hits.
+//!
+//! Where they differ, the exact reference says who is right. Our devices must never be wrong, whatever the precision
+//! and the number of threads. Embree's errors are counted and printed; on random rays there may be few, or it is not
+//! Embree that is asked. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
+//! The program `parity` does the same with more rays.
+
+use backend_cpu::CpuDevice;
+use backend_vulkan::VulkanDevice;
+use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
+use proptest::prelude::*;
+use proptest::test_runner::{Config, TestError, TestRunner};
+use rt_bvh::Builder;
+use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
+use rt_scene::{Model, builtin};
+use rt_tests::judge::{Tally, judge};
+use rt_tests::parity::{Exam, Kind, trace_all};
+use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
+use rt_tests::reference::Reference;
+use rt_tests::{is_required, scenes, strategy, tree};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// Rays for each real scene. The reference tests each with every triangle; the program `parity` takes more.
+const RAYS: u32 = 600;
+
+/// Random meshes, of some dozen rays each.
+const MESHES: u32 = 60;
+
+/// Share of random rays, which nothing aims near edges, that robust Embree may answer wrongly. Measured: below 10⁻⁴.
+/// With wrong ids, limits or coordinates nearly all would be wrong.
+const EMBREE_ERRORS: f64 = 0.005;
+
+/// The careful precisions: those that must always be right.
+const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
+
+/// Is given Embree with its robust flag and without.
+type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
+
+type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let devices = ours();
+    let devices = || Arc::clone(&devices);
+    let mut trials = Vec::new();
+    let mut add = |name: &str, test: Test| {
+        trials.push(Trial::ignorable_test(name, move || with_embree(test)));
+    };
+    let ours = devices();
+    add("random meshes", Box::new(move |embree| random_meshes(embree, &ours)));
+    for (name, model) in [("builtin:yard", builtin::yard as fn() -> Model), ("builtin:car", builtin::car)] {
+        let ours = devices();
+        add(name, Box::new(move |embree| compare(embree, &ours, name, &model())));
+    }
+    for scene in scenes::find().unwrap_or_default() {
+        let ours = devices();
+        let name = scene.name.clone();
+        add(
+            &name,
+            Box::new(move |embree| {
+                let mut model = scene.load()?;
+                model.view = scene.view;
+                compare(embree, &ours, &scene.name, &model)
+            }),
+        );
+    }
+    if let Err(reason) = scenes::find() {
+        trials.push(Trial::ignorable_test("real scenes", move || Ok(Completion::ignored_with(reason))));
+    }
+    run(&arguments, trials).exit();
+}
+
+/// Runs a test with Embree, robust and not, or says why it cannot be run.
+fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> Result<Completion, Failed> {
+    let open = |robust| EmbreeDevice::open(EmbreeOptions { robust });
+    match (open(true), open(false)) {
+        (Ok(robust), Ok(plain)) => test(&[robust, plain]).map(|()| Completion::Completed),
+        (Err(e), _) | (_, Err(e)) if is_required("embree") => {
+            Err(format!("required by RT_REQUIRE, but missing: {e}").into())
+        }
+        (Err(e), _) | (_, Err(e)) => Ok(Completion::ignored_with(e.to_string())),
+    }
+}
+
+/// The processor with one thread and with two, and every Vulkan device. What is missing is another test's business.
+fn ours() -> Devices {
+    let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
+    for threads in [1, 2] {
+        for device in CpuDevice::open_all(&[threads]).unwrap_or_default() {
+            found.push((format!("cpu, threads: {threads}"), Arc::new(device)));
+        }
+    }
+    let vulkan = VulkanDevice::enumerate(backend_vulkan::Options::default()).unwrap_or_default();
+    for (i, device) in vulkan.into_iter().flatten().enumerate() {
+        found.push((format!("vulkan {i}: {}", device.info().name), Arc::new(device)));
+    }
+    Arc::new(found)
+}
+
+/// A mesh and rays with limits that Embree takes: it demands `tnear ≥ 0`.
+fn mesh_and_rays() -> impl Strategy<Value = (Vec<Triangle>, Vec<(Ray, u32)>)> {
+    strategy::scene().prop_map(|(triangles, mut rays)| {
+        for (ray, _) in &mut rays {
+            (ray.tmin, ray.tmax) = (ray.tmin.max(0.0), ray.tmax.abs());
+        }
+        (triangles, rays)
+    })
+}
+
+/// Guards against: a triangle lost or moved on the way to Embree, ids of leaf order, limits or origins not handed on.
+fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Failed> {
+    let tallies = RefCell::new([const { Tally::new() }; 2]);
+    let mut runner = TestRunner::new(Config { cases: MESHES, ..Config::default() });
+    let outcome = runner.run(&mesh_and_rays(), |(triangles, rays)| {
+        let verdicts = Reference::new(&triangles).resolve_all(&rays);
+        let scene = tree::build(&triangles, Builder::Sah).map_err(TestCaseError::fail)?;
+        for query in [Query::Closest, Query::Any] {
+            let mut first: Option<Vec<Hit>> = None;
+            for (name, device) in ours.iter() {
+                for precision in CAREFUL {
+                    let spec = StreamSpec { query, precision, counts: false };
+                    let hits = trace_all(&**device, &scene, &rays, spec).map_err(TestCaseError::fail)?;
+                    for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
+                        let right = match query {
+                            Query::Closest => verdict.admits(hit.primitive, hit.t),
+                            Query::Any => verdict.admits_presence(hit.is_hit()),
+                        };
+                        prop_assert!(right, "{name}, {query:?}, {precision:?}: {hit:?} but {verdict:?} for {ray:?}");
+                    }
+                    prop_assert_eq!(first.get_or_insert_with(|| hits.clone()), &hits, "{}, {:?}", name, precision);
+                }
+            }
+            for (device, tally) in embree.iter().zip(tallies.borrow_mut().iter_mut()) {
+                let spec = StreamSpec { query, ..StreamSpec::default() };
+                let hits = trace_all(device, &scene, &rays, spec).map_err(TestCaseError::fail)?;
+                for ((hit, verdict), (ray, origin)) in hits.iter().zip(&verdicts).zip(&rays) {
+                    let finding = judge(&triangles, ray, *origin, query, verdict, hit);
+                    tally.add(finding, || format!("{query:?}, {ray:?}: {hit:?}, {finding:?}, but {verdict:?}"));
+                }
+            }
+        }
+        Ok(())
+    });
+    let tallies = tallies.into_inner();
+    for (device, tally) in embree.iter().zip(&tallies) {
+        println!("random meshes: {}: {tally}", device.info().name);
+        println!("    {}", tally.first.as_deref().unwrap_or_default());
+    }
+    match outcome {
+        Ok(()) => Ok(()),
+        Err(TestError::Abort(reason)) => Err(reason.to_string().into()),
+        Err(TestError::Fail(reason, (triangles, rays))) => {
+            Err(format!("{reason}\nfor {triangles:?}\nand {rays:?}").into())
+        }
+    }
+}
+
+fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model) -> Result<(), Failed> {
+    let triangles = scenes::triangles(model);
+    let camera = model.view.map(|view| view.camera()).transpose()?;
+    let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 2);
+    let scene = tree::build(&triangles, Builder::Sah)?;
+    println!("{name}: {:?}", exam.ambiguity());
+    for query in [Query::Closest, Query::Any] {
+        let mut first: Option<Vec<Hit>> = None;
+        for (label, device) in ours.iter() {
+            for precision in CAREFUL {
+                let hits = exam.ask(&**device, &scene, StreamSpec { query, precision, counts: false })?;
+                let marks = exam.mark_hits(&hits, query);
+                if let Some(wrong) = marks.first {
+                    return Err(
+                        format!("{label}, {precision:?}: {} wrong answers: {wrong}", marks.disagreements).into()
+                    );
+                }
+                if *first.get_or_insert_with(|| hits.clone()) != hits {
+                    return Err(format!("{label}, {precision:?}, {query:?}: other hits than the first device's").into());
+                }
+            }
+        }
+        for device in embree {
+            let spec = StreamSpec { query, ..StreamSpec::default() };
+            let (mut all, mut random) = (Tally::new(), Tally::new());
+            for (kind, tally) in Kind::ALL.into_iter().zip(exam.judge(&exam.ask(device, &scene, spec)?, query)) {
+                if kind.is_random() {
+                    random.merge(tally.clone());
+                }
+                all.merge(tally);
+            }
+            println!("    {}, {query:?}: {all}", device.info().name);
+            println!("    {}", all.first.as_deref().unwrap_or_default());
+            if random.errors() as f64 > EMBREE_ERRORS * random.rays as f64 {
+                return Err(format!("{}: {random}: it is not asked what we are", device.info().name).into());
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,43 @@
+//! `cargo xtask fuzz`: libFuzzer on every target in `fuzz/`.
+
+use crate::command::{cargo, root, run, succeeds};
+use crate::nightly;
+use anyhow::{Context, Result, bail};
+
+/// The programs in `fuzz/fuzz_targets`.
+const TARGETS: [&str; 4] = ["obj", "npy", "geometry", "scheduling"];
+
+/// Longest input in bytes: enough for some hundred triangles and rays.
+const LONGEST: u32 = 8192;
+
+/// Memory in MiB above which an input counts as a defect: the machines that run this have a few GiB.
+const MEMORY: u32 = 2048;
+
+/// Fuzzes each target for an equal share of `minutes`, starting from the corpus.
+///
+/// What is found goes to `fuzz/target/corpus`, what breaks something to `fuzz/artifacts`: then move it to `fuzz/corpus`,
+/// where the tests replay it, and mend the code.
+pub(crate) fn fuzz(minutes: u32) -> Result<()> {
+    if !succeeds(nightly::cargo("fuzz").arg("--version")) {
+        nightly::require("libFuzzer's instrumentation")?;
+        run(&mut cargo("install cargo-fuzz --locked")).context("installing cargo-fuzz")?;
+    }
+    let seconds = (minutes * 60 / TARGETS.len() as u32).max(1);
+    let mut broken = Vec::new();
+    for target in TARGETS {
+        let found = root().join("fuzz/target/corpus").join(target);
+        std::fs::create_dir_all(&found).with_context(|| format!("cannot make {}", found.display()))?;
+        let mut command = nightly::cargo("fuzz run");
+        command.arg(target).arg(found).arg(root().join("fuzz/corpus").join(target));
+        command.arg("--").arg(format!("-max_total_time={seconds}"));
+        command.args([format!("-max_len={LONGEST}"), format!("-rss_limit_mb={MEMORY}"), "-timeout=20".to_owned()]);
+        if let Err(error) = run(&mut command) {
+            eprintln!("error: {error:#}");
+            broken.push(target);
+        }
+    }
+    if broken.is_empty() {
+        return Ok(());
+    }
+    bail!("{} broke: the inputs are in fuzz/artifacts; move them to fuzz/corpus/TARGET and mend", broken.join(", "))
+}

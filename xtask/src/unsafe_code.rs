@@ -1,0 +1,42 @@
+//! Checks for what the compiler cannot see: `cargo xtask asan` and `cargo xtask loom`.
+
+use crate::command::{cargo, root, run};
+use crate::{embree, nightly, setup, vulkan};
+use anyhow::{Result, bail};
+
+/// Packages with `unsafe` in them, and the tests that go through all of it.
+const TESTS: &str = "test --target x86_64-unknown-linux-gnu -p backend-vulkan -p embree4-sys -p rt-tests --lib --test \
+                     embree --test vulkan";
+
+/// AddressSanitizer over everything that has `unsafe`: the Vulkan backend on the software driver, and the bindings to
+/// Embree.
+pub(crate) fn asan() -> Result<()> {
+    if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+        bail!("asan runs on Linux on x86-64 only");
+    }
+    nightly::require("AddressSanitizer")?;
+    let setup = setup::setup()?;
+    let mut tests = nightly::cargo(TESTS);
+    tests.env("RUSTFLAGS", "-Zsanitizer=address");
+    tests.env("CARGO_TARGET_DIR", root().join("target/asan"));
+    // The driver and the loader keep what they allocate until the process ends. Embree and the driver's compiler are not
+    // instrumented, and hand over containers that are.
+    tests.env("ASAN_OPTIONS", "detect_leaks=0:detect_container_overflow=0");
+    tests.env("RT_REQUIRE", setup.provided.join(","));
+    if let Some(library) = &setup.embree {
+        tests.env(embree::VARIABLE, library);
+    }
+    if setup.software_vulkan {
+        tests.envs(vulkan::environment()?);
+    }
+    run(&mut tests)
+}
+
+/// Every interleaving of a few devices on the lock-free queues.
+pub(crate) fn loom() -> Result<()> {
+    let mut tests = cargo("test -p rt-sched --lib loom");
+    tests.env("RUSTFLAGS", "--cfg loom");
+    // Its own, since the flag would have everything built anew.
+    tests.env("CARGO_TARGET_DIR", root().join("target/loom"));
+    run(&mut tests)
+}
