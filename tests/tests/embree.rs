@@ -22,7 +22,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 
 /// Rays for each real scene. The reference tests each with every triangle; the program `parity` takes more.
-const RAYS: u32 = 600;
+const RAYS: u32 = 300;
 
 /// Random meshes, of some dozen rays each.
 const MESHES: u32 = 60;
@@ -36,6 +36,10 @@ const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
 
 /// Is given Embree with its robust flag and without.
 type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
+
+/// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer wrongly.
+/// Measured: 2 to 4%.
+const EMBREE_ERRORS_AIMED: f64 = 0.1;
 
 type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
 
@@ -108,7 +112,7 @@ fn mesh_and_rays() -> impl Strategy<Value = (Vec<Triangle>, Vec<(Ray, u32)>)> {
     })
 }
 
-/// Guards against: a triangle lost or moved on the way to Embree, ids of leaf order, limits or origins not handed on.
+/// Guards against: a box test of ours without padding, a triangle lost by a builder, a tie won by the higher id.
 fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Failed> {
     let tallies = RefCell::new([const { Tally::new() }; 2]);
     let mut runner = TestRunner::new(Config { cases: MESHES, ..Config::default() });
@@ -147,8 +151,9 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
         println!("random meshes: {}: {tally}", device.info().name);
         println!("    {}", tally.first.as_deref().unwrap_or_default());
     }
+    let bad = |tally: &&Tally| tally.errors() as f64 > EMBREE_ERRORS_AIMED * tally.rays as f64;
     match outcome {
-        Ok(()) => Ok(()),
+        Ok(()) => tallies.iter().find(bad).map_or(Ok(()), |tally| Err(format!("Embree: {tally}").into())),
         Err(TestError::Abort(reason)) => Err(reason.to_string().into()),
         Err(TestError::Fail(reason, (triangles, rays))) => {
             Err(format!("{reason}\nfor {triangles:?}\nand {rays:?}").into())
@@ -161,7 +166,11 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
     let camera = model.view.map(|view| view.camera()).transpose()?;
     let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 2);
     let scene = tree::build(&triangles, Builder::Sah)?;
-    println!("{name}: {:?}", exam.ambiguity());
+    let ambiguity = exam.ambiguity();
+    println!("{name}: {ambiguity:?}");
+    if !ambiguity.is_admissible(name) {
+        return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
+    }
     for query in [Query::Closest, Query::Any] {
         let mut first: Option<Vec<Hit>> = None;
         for (label, device) in ours.iter() {

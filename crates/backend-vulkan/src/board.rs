@@ -8,13 +8,13 @@ use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, SceneImage, Tuning, Work};
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, Trees, Tuning, Work};
 use rt_shaders::Purpose;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long dropping a board waits for launches in flight. What is not done then is never freed.
+/// How long dropping a board waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes of a ray.
@@ -28,8 +28,7 @@ fn unreserved() -> DeviceError {
 #[derive(Debug)]
 pub(crate) struct VulkanBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
+    trees: Trees,
     tuning: Tuning,
     /// Taken only when the board is dropped.
     gpu: Option<Gpu>,
@@ -37,7 +36,7 @@ pub(crate) struct VulkanBoard {
 
 /// What the device holds.
 #[derive(Debug)]
-struct Gpu {
+pub(crate) struct Gpu {
     timeline: Timeline,
     uploader: Uploader,
     resident: Resident,
@@ -52,20 +51,47 @@ struct Gpu {
 }
 
 impl VulkanBoard {
-    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
+        shared.abandoned.sweep();
         let logical = &shared.logical;
-        let mut timeline = Timeline::new(logical)?;
-        let mut uploader = Uploader::new(logical)?;
-        let resident = Resident::new(logical, &mut uploader, &mut timeline, &SceneImage::new(scene))?;
-        logical.check_validation()?;
-        let (rays, slots, busy) = (Vec::new(), Vec::new(), Vec::new());
-        let gpu = Gpu { timeline, uploader, resident, rays, maker: None, slots, busy };
-        Ok(Self { depth: scene.depth(), tuning, shared, gpu: Some(gpu) })
+        let image = scene.image();
+        let gpu = Gpu {
+            // First, so that a scene that does not fit is what is named.
+            resident: Resident::new(logical, &image)?,
+            timeline: Timeline::new(logical)?,
+            uploader: Uploader::new(logical)?,
+            rays: Vec::new(),
+            maker: None,
+            slots: Vec::new(),
+            busy: Vec::new(),
+        };
+        // From here on dropping it waits for the device.
+        let mut board = Self { trees: scene.trees(), tuning, shared, gpu: Some(gpu) };
+        board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
+        board.shared.logical.check_validation()?;
+        Ok(board)
     }
 
-    fn gpu(&mut self) -> Result<&mut Gpu, DeviceError> {
+    /// Does something on the device; once that is lost or hangs, nothing any more.
+    fn on_gpu<T>(&mut self, work: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
-        self.gpu.as_mut().ok_or_else(lost)
+        let result = work(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
+        match result.as_ref().map_err(DeviceError::kind) {
+            // There is no point in waiting longer.
+            Err(DeviceErrorKind::Hung) => self.leave(Duration::ZERO),
+            Err(DeviceErrorKind::Lost) => self.leave(DROP_LIMIT),
+            _ => {}
+        }
+        result
+    }
+
+    /// Frees what the device holds when it is done with it, or leaves it behind after `limit`.
+    fn leave(&mut self, limit: Duration) {
+        if let Some(gpu) = self.gpu.take()
+            && !gpu.timeline.idle(limit)
+        {
+            self.shared.abandoned.add(gpu);
+        }
     }
 }
 
@@ -84,85 +110,100 @@ impl Board for VulkanBoard {
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
-        let (shared, window) = (Arc::clone(&self.shared), self.window());
-        let gpu = self.gpu()?;
-        // First, so that there need not be room for both.
-        gpu.rays.clear();
-        let bytes = u64::from(count) * RAY;
-        if let Some(available) = shared.logical.memory().filter(|&available| bytes > available) {
+        let window = self.window();
+        self.on_gpu(|shared, gpu| {
+            // First, so that there need not be room for both.
+            gpu.rays.clear();
+            let bytes = u64::from(count) * RAY;
             let bound = shared.logical.limits.binding;
-            let what = format!(
-                "{count} rays of {bytes} bytes do not fit into device memory of {available} bytes, of which {bound} are \
-                 bound at once"
-            );
-            return Err(DeviceError::new(DeviceErrorKind::OutOfMemory, what));
-        }
-        let what = format!("a part of {count} rays");
-        for first in (0..count).step_by(window as usize) {
-            let bytes = u64::from(window.min(count - first)) * RAY;
-            gpu.rays.push(Buffer::new(&shared.logical, &what, bytes, Use::Kernel)?);
-        }
-        shared.logical.check_validation()
+            shared.logical.memory.check(&format!("{count} rays, of which {bound} bytes are bound at once,"), bytes)?;
+            let what = format!("a part of {count} rays");
+            for first in (0..count).step_by(window as usize) {
+                let bytes = u64::from(window.min(count - first)) * RAY;
+                gpu.rays.push(Buffer::new(&shared.logical, &what, bytes, Use::Kernel)?);
+            }
+            shared.logical.check_validation()
+        })
     }
 
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
         let window = self.window();
-        let Gpu { timeline, uploader, rays: windows, .. } = self.gpu()?;
-        let buffer = windows.get((first / window) as usize).ok_or_else(unreserved)?;
-        uploader.send(timeline, buffer, u64::from(first % window) * RAY, rays)
+        self.on_gpu(|_, Gpu { timeline, uploader, rays: windows, .. }| {
+            let buffer = windows.get((first / window) as usize).ok_or_else(unreserved)?;
+            uploader.send(timeline, buffer, u64::from(first % window) * RAY, rays)
+        })
     }
 
     fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        if self.tuning.host_rays || !shared.makes_rays() {
+        if self.tuning.host_rays || !self.shared.makes_rays() {
             return Ok(false);
         }
-        let Gpu { timeline, uploader, rays, maker, .. } = self.gpu()?;
-        let rays = rays.get(window as usize).ok_or_else(unreserved)?;
-        let maker = match maker {
-            Some(maker) => maker,
-            None => maker.insert(Maker::new(&shared)?),
-        };
-        maker.make(&shared, uploader, timeline, rays, (camera, pixels))?;
-        shared.logical.check_validation()?;
-        Ok(true)
+        self.on_gpu(|shared, Gpu { timeline, uploader, rays, maker, .. }| {
+            let rays = rays.get(window as usize).ok_or_else(unreserved)?;
+            let maker = match maker {
+                Some(maker) => maker,
+                None => maker.insert(Maker::new(shared)?),
+            };
+            maker.make(shared, uploader, timeline, rays, (camera, pixels))?;
+            shared.logical.check_validation()?;
+            Ok(true)
+        })
     }
 
     fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        let pipeline = shared.pipeline(purpose, self.depth)?;
-        let Gpu { timeline, resident, rays, slots, busy, .. } = self.gpu()?;
-        let rays = rays.get(window as usize).ok_or_else(unreserved)?;
-        let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
-        let index = free.unwrap_or(slots.len());
-        if free.is_none() {
-            slots.push(Slot::new(&shared.logical, shared.layout())?);
-        }
-        let value = slots[index].start(resident, rays, pipeline, work, purpose.counts(), timeline)?;
-        busy.push((Flight(value), index, work.items()));
-        Ok(Flight(value))
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        self.on_gpu(|shared, Gpu { timeline, resident, rays, slots, busy, .. }| {
+            let rays = rays.get(window as usize).ok_or_else(unreserved)?;
+            let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
+            let index = free.unwrap_or(slots.len());
+            if free.is_none() {
+                slots.push(Slot::new(&shared.logical, shared.layout())?);
+            }
+            let value = slots[index].start(resident, rays, pipeline, work, purpose.counts(), timeline)?;
+            busy.push((Flight(value), index, work.items()));
+            Ok(Flight(value))
+        })
     }
 
     fn wait(&mut self, flight: Flight, limit: Duration, read: &mut dyn FnMut(Answer<'_>)) -> Result<(), DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        let gpu = self.gpu()?;
-        gpu.timeline.wait(flight.0, limit)?;
-        shared.logical.check_validation()?;
-        let known = gpu.busy.iter().position(|(busy, ..)| *busy == flight);
-        let (_, index, items) = gpu.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
-        let slot = &gpu.slots[index];
-        read(Answer { found: slot.found(items as usize), counts: slot.counts(), in_kernel: slot.in_kernel() });
-        Ok(())
+        self.on_gpu(|shared, gpu| {
+            gpu.timeline.wait(flight.0, limit)?;
+            shared.logical.check_validation()?;
+            let known = gpu.busy.iter().position(|(busy, ..)| *busy == flight);
+            let (_, index, items) = gpu.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
+            let slot = &gpu.slots[index];
+            read(Answer { found: slot.found(items as usize), counts: slot.counts(), in_kernel: slot.in_kernel() });
+            Ok(())
+        })
     }
 }
 
 impl Drop for VulkanBoard {
     fn drop(&mut self) {
-        if let Some(gpu) = self.gpu.take()
-            && !gpu.timeline.idle(DROP_LIMIT)
-        {
-            // The device may still write to the buffers: better lost than freed.
-            std::mem::forget(gpu);
-        }
+        self.leave(DROP_LIMIT);
+    }
+}
+
+/// What a device may still write to though nobody waits for it any more: freed when it no longer does, or never.
+#[derive(Debug, Default)]
+pub(crate) struct Abandoned(Mutex<Vec<Gpu>>);
+
+impl Abandoned {
+    fn add(&self, gpu: Gpu) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(gpu);
+    }
+
+    /// Frees what the device is done with.
+    fn sweep(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).retain(|gpu| !gpu.timeline.idle(Duration::ZERO));
+    }
+}
+
+impl Drop for Abandoned {
+    fn drop(&mut self) {
+        self.sweep();
+        // Better lost than freed. What is lost holds the device, which so stays open.
+        std::mem::take(self.0.get_mut().unwrap_or_else(PoisonError::into_inner)).into_iter().for_each(std::mem::forget);
     }
 }

@@ -1,26 +1,33 @@
 //! Finding and opening devices.
 
-use crate::board::VulkanBoard;
+use crate::board::{Abandoned, VulkanBoard};
 use crate::buffer::{Buffer, Use};
-use crate::commands::Commands;
+use crate::commands::{Commands, Recorder};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Tuning, fault_of_llvmpipe};
-use rt_shaders::{Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
+use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// How to open devices.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Whether the validation layer checks every call. What it objects to becomes an error of kind
-    /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
+    /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
+    /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
+    /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
+    /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
+    pub memory: Option<u64>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
     /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
     pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
 }
@@ -30,7 +37,7 @@ impl Options {
     #[must_use]
     pub fn from_env() -> Self {
         let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
-        Self { validation, kernels: None }
+        Self { validation, ..Self::default() }
     }
 }
 
@@ -39,6 +46,7 @@ impl Options {
 pub struct VulkanDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     tuning: Tuning,
     shared: Arc<Shared>,
 }
@@ -46,11 +54,14 @@ pub struct VulkanDevice {
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
-    layout: Arc<Layout>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<pipeline::Layout>,
+    /// Runs in place of every kernel that traces, where a test wants it to.
+    instead: Option<Purpose>,
     kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
     /// Whether it makes the host's camera rays; asked when the first are wanted.
     makes_rays: OnceLock<bool>,
+    pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -96,15 +107,15 @@ impl VulkanDevice {
         if (buffers as usize) < BUFFERS {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
-        let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
-        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let logical = Arc::new(Logical::new(Arc::clone(instance), physical, options)?);
+        let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
             backend: "vulkan",
             // Vulkan does not tell.
             units: 1,
             in_flight: IN_FLIGHT,
-            memory: logical.memory(),
+            memory: logical.memory.size(),
         };
         let card = Card {
             name: name.clone(),
@@ -115,11 +126,17 @@ impl VulkanDevice {
             binding: logical.limits.binding,
             kernels: "SPIR-V, unchecked",
         };
+        let instead = match options.trouble {
+            Some(Trouble::Kernel(purpose)) => Some(purpose),
+            _ => None,
+        };
         let shared = Shared {
             pipelines: Mutex::default(),
             layout: Arc::new(layout),
+            instead,
             kernels: options.kernels,
             makes_rays: OnceLock::new(),
+            abandoned: Abandoned::default(),
             logical,
             tally: Arc::default(),
         };
@@ -128,7 +145,8 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, tuning: Tuning::default(), shared: Arc::new(shared) })
+        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::usual(is_software)), Tuning::default());
+        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
     }
 
     /// The device with other choices for the tracers that it will open.
@@ -144,17 +162,49 @@ impl VulkanDevice {
         self.shared.makes_rays()
     }
 
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
+    }
+
+    /// What the device promises of the kernels' arithmetic, and they ask it for.
+    #[must_use]
+    pub fn float_controls(&self) -> FloatControls {
+        self.shared.logical.limits.float_controls
+    }
+
     /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
     /// that it is.
     ///
     /// # Errors
     /// What the layer said. Devices that were enumerated together share its messages.
     pub fn provoke_validation(&self) -> Result<(), DeviceError> {
-        let logical = &self.shared.logical;
-        let [from, to] = [Use::Download, Use::Upload].map(|purpose| Buffer::new(logical, "a word", 4, purpose));
-        let (from, to) = (from?, to?);
         // The wrong way round: neither buffer was made for it.
-        Commands::new(logical)?.record(|record| record.copy(&from, &to, 0, 4))?;
+        self.provoke([Use::Download, Use::Upload], |record, from, to| record.copy(from, to, 0, 4))
+    }
+
+    /// Records two copies to one place, the second of which does not wait for the first, and never runs them: an error
+    /// where the validation layer looks at synchronisation too.
+    ///
+    /// # Errors
+    /// As for [`VulkanDevice::provoke_validation`].
+    pub fn provoke_race(&self) -> Result<(), DeviceError> {
+        self.provoke([Use::Kernel, Use::Kernel], |record, from, to| {
+            record.copy(from, to, 0, 4);
+            record.copy(from, to, 0, 4);
+        })
+    }
+
+    fn provoke(
+        &self,
+        purposes: [Use; 2],
+        steps: impl FnOnce(&Recorder<'_>, &Buffer, &Buffer),
+    ) -> Result<(), DeviceError> {
+        let logical = &self.shared.logical;
+        let [from, to] = purposes.map(|purpose| Buffer::new(logical, "a word", 4, purpose));
+        let (from, to) = (from?, to?);
+        Commands::new(logical)?.record(|record| steps(record, &from, &to))?;
         logical.check_validation()
     }
 }
@@ -165,6 +215,7 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = VulkanBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -186,26 +237,28 @@ impl Shared {
         *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
     }
 
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.instead {
+            Some(instead) if purpose.traces() => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (layout, purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(
-            &self.layout,
-            kernel,
-            &self.kernels.map_or_else(|| kernel.spirv(), |replace| replace(kernel)),
-        )?);
+        let own = || kernel.spirv_with(self.logical.limits.float_controls);
+        let code = self.kernels.map_or_else(own, |replace| replace(kernel));
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &code)?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }
 
-    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+    pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {
         &self.layout
     }
 }

@@ -7,7 +7,7 @@
 //!
 //! # Current state and limits
 //!
-//! * One kernel over the two-wide layout, single rays, for [`rt_core::Precision::Robust`]. The other precisions are
+//! * Two layouts, of which [`Options`] choose, with one kernel each: single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
 //! * Camera rays are made on the device, where a test of it shows the host's bits ([`VulkanDevice::makes_rays`]). Other rays,
 //!   those of bounces too, are prepared on the host and uploaded.
@@ -31,6 +31,7 @@ mod instance;
 mod launch;
 mod logical;
 mod maker;
+mod memory;
 mod pipeline;
 mod probe;
 mod timeline;
@@ -38,4 +39,5 @@ mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Tally, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble, Tuning};
+pub use rt_shaders::{FloatControls, Purpose};

@@ -9,7 +9,7 @@ use crate::upload::Uploader;
 use rt_bvh::offload::KernelCamera;
 use rt_core::DeviceError;
 use rt_gpu::PATIENCE;
-use rt_shaders::Purpose;
+use rt_shaders::{Layout, Purpose};
 
 /// What making rays needs beside the rays' own buffer.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ impl Maker {
         }
         uploader.send(timeline, &self.camera, 0, &[*camera])?;
         uploader.send(timeline, &self.pixels, 0, pixels)?;
-        let pipeline = shared.pipeline(Purpose::Camera, 0)?;
+        let pipeline = shared.pipeline(Layout::Two, Purpose::Camera, 0)?;
         let Self { commands, bindings, camera: block, pixels } = self;
         bindings.choose([pixels, pixels, pixels, pixels, pixels, block, rays, pixels]);
         commands.record(|to| {

@@ -8,7 +8,7 @@ use crate::timeline::Timeline;
 use bytemuck::{AnyBitPattern, NoUninit};
 use rt_core::DeviceError;
 use rt_gpu::{PATIENCE, arithmetic, camera};
-use rt_shaders::Purpose;
+use rt_shaders::{Layout, Purpose};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, DeviceError> {
@@ -45,7 +45,7 @@ fn ask<A: NoUninit, B: NoUninit, T: AnyBitPattern>(
     let download = buffer(sizes[2], Use::Download)?;
     uploads[0].write(0, fourth);
     uploads[1].write(0, fifth);
-    let pipeline = shared.pipeline(purpose, 0)?;
+    let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
     let mut bindings = Bindings::new(shared.layout())?;
     bindings.choose([&given, &given, &given, &given, &given, &more, &answers, &given]);
     let (mut commands, mut timeline) = (Commands::new(logical)?, Timeline::new(logical)?);

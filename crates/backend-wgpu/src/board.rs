@@ -5,9 +5,9 @@ use crate::launch::Slot;
 use crate::opened::Opened;
 use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, PATIENCE, SceneImage, Tuning, Work};
-use rt_shaders::Purpose;
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Trees, Tuning, Work};
+use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
 use wgpu::{Buffer, BufferUsages, ComputePassDescriptor, SubmissionIndex};
@@ -33,11 +33,12 @@ fn unreserved() -> DeviceError {
 #[derive(Debug)]
 pub(crate) struct WgpuBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
+    trees: Trees,
     tuning: Tuning,
-    /// Those of [`SceneImage::buffers`], in their order.
+    /// Those of [`rt_gpu::SceneImage::buffers`], in their order.
     scene: [Buffer; 4],
+    /// The wide tree; without one a word.
+    wide: Buffer,
     sender: Sender,
     /// The windows: as many rays in each but the last.
     rays: Vec<Buffer>,
@@ -49,10 +50,10 @@ pub(crate) struct WgpuBoard {
 }
 
 impl WgpuBoard {
-    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
         let opened = &shared.opened;
         let mut sender = Sender { opened: Arc::clone(opened), last: None };
-        let image = SceneImage::new(scene);
+        let image = scene.image();
         let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
             let buffer = opened.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
             sender.send(&buffer, 0, bytes)?;
@@ -60,9 +61,10 @@ impl WgpuBoard {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
+        let wide = upload(image.wide())?;
         sender.finish()?;
-        let (depth, rays, slots, busy) = (scene.depth(), Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { shared, depth, tuning, scene: resident, sender, rays, slots, busy, started: 0 })
+        let (trees, rays, slots, busy) = (scene.trees(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { shared, trees, tuning, scene: resident, wide, sender, rays, slots, busy, started: 0 })
     }
 }
 
@@ -118,7 +120,7 @@ impl Board for WgpuBoard {
         let list = opened.buffer(&what, size_of_val(pixels) as u64, usage)?;
         self.sender.send(&block, 0, bytemuck::bytes_of(camera))?;
         self.sender.send(&list, 0, bytemuck::cast_slice(pixels))?;
-        let pipeline = shared.pipeline(Purpose::Camera, 0)?;
+        let pipeline = shared.pipeline(Layout::Two, Purpose::Camera, 0)?;
         let done = opened.scoped("make rays", DeviceErrorKind::Lost, || {
             let bindings = pipeline.bind(&opened.device, [&list, &list, &list, &list, &list, &block, rays, &list]);
             let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -132,15 +134,20 @@ impl Board for WgpuBoard {
     }
 
     fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
-        let pipeline = self.shared.pipeline(purpose, self.depth)?;
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
         let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
         let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
         let index = free.unwrap_or(self.slots.len());
         if free.is_none() {
             self.slots.push(Slot::new(&self.shared.opened)?);
         }
-        let [nodes, triangles, primitives, frame] = &self.scene;
-        let inputs = [nodes, triangles, primitives, frame, rays];
+        let [two, triangles, primitives, frame] = &self.scene;
+        let tree = match layout {
+            Layout::Two => two,
+            Layout::Wide => &self.wide,
+        };
+        let inputs = [tree, triangles, primitives, frame, rays];
         self.slots[index].start(inputs, &pipeline, work, purpose.counts())?;
         self.started += 1;
         let flight = Flight(self.started);

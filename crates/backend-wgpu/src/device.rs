@@ -6,8 +6,8 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuTracer, IN_FLIGHT, Tally, Tuning, fault_of_llvmpipe};
-use rt_shaders::{Kernel, Purpose};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Tuning, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
@@ -18,6 +18,8 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
 }
@@ -27,7 +29,7 @@ impl Options {
     #[must_use]
     pub fn from_env() -> Self {
         let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
-        Self { trusted, kernels: None }
+        Self { trusted, ..Self::default() }
     }
 }
 
@@ -36,6 +38,7 @@ impl Options {
 pub struct WgpuDevice {
     info: DeviceInfo,
     card: Card,
+    layouts: Layouts,
     tuning: Tuning,
     shared: Arc<Shared>,
 }
@@ -43,7 +46,7 @@ pub struct WgpuDevice {
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
     /// Whether it makes the host's camera rays; asked when the first are wanted.
     makes_rays: OnceLock<bool>,
@@ -111,7 +114,8 @@ impl WgpuDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, card, tuning: Tuning::default(), shared: Arc::new(shared) })
+        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::usual(card.software)), Tuning::default());
+        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
     }
 
     /// The device with other choices for the tracers that it will open.
@@ -127,6 +131,12 @@ impl WgpuDevice {
         self.shared.makes_rays()
     }
 
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
+    }
+
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
     pub fn provoke_loss(&self) {
         self.shared.opened.device.destroy();
@@ -139,6 +149,7 @@ impl Device for WgpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = WgpuBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
@@ -160,17 +171,17 @@ impl Shared {
         *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
     }
 
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let Options { trusted, kernels } = self.options;
+        let Options { trusted, kernels, .. } = self.options;
         let replaced = kernels.map(|replace| replace(kernel));
         let source = replaced.as_deref().unwrap_or(kernel.wgsl);
         let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, source, trusted && kernels.is_none())?);

@@ -4,7 +4,7 @@ use crate::device::Shared;
 use bytemuck::{NoUninit, Pod};
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_gpu::{PATIENCE, arithmetic, camera};
-use rt_shaders::Purpose;
+use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
 
@@ -40,7 +40,7 @@ fn ask<A: NoUninit, B: NoUninit, T: Pod>(
     let (numbers, more) = (given(size_of_val(fourth))?, given(size_of_val(fifth))?);
     let answers = opened.buffer("numbers", wanted, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let back = opened.buffer("numbers", wanted, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
-    let pipeline = shared.pipeline(purpose, 0)?;
+    let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
     let (tell, mapped) = sync_channel(1);
     let done = opened.scoped("add and multiply", DeviceErrorKind::Lost, || {
         opened.queue.write_buffer(&numbers, 0, bytemuck::cast_slice(fourth));

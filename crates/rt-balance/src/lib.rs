@@ -46,6 +46,7 @@ pub mod stats;
 mod stream;
 
 pub use balancer::Balancer;
+pub use clock::now as clock;
 pub use error::BalanceError;
 pub use reference::Reference;
 pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};

@@ -59,6 +59,41 @@ impl Api {
     }
 }
 
+/// A device with the entry that names it, and what its driver says of it if it is a graphics card.
+pub(crate) struct Named {
+    pub(crate) entry: String,
+    pub(crate) device: Arc<dyn Device>,
+    pub(crate) card: Option<vulkan::Card>,
+}
+
+/// Opens the devices of a list, to be used one after the other; `None` opens all cores as one, and every graphics card.
+pub(crate) fn open_named(list: Option<&str>) -> Result<Vec<Named>> {
+    let cards = |spec: Spec| match spec.kind {
+        Kind::Gpu(api, index) => Some(format!("{}:{index}", api.name())),
+        Kind::Cpu(_) => None,
+    };
+    let entries: Vec<String> = match list {
+        None | Some("auto") => {
+            std::iter::once("cpu".to_owned()).chain(automatic().into_iter().filter_map(cards)).collect()
+        }
+        Some(list) => list.split(',').map(|entry| entry.trim().to_owned()).collect(),
+    };
+    let mut found = Api::ALL.map(|api| (api, None));
+    let mut devices = Vec::new();
+    for entry in entries {
+        let (device, card): (Arc<dyn Device>, _) = match parse(&entry)? {
+            Spec { kind: Kind::Gpu(api, index), speed: 1.0 } => {
+                let device = card(&mut found, api, index)?;
+                let card = device.card().clone();
+                (device, Some(card))
+            }
+            _ => (open(Some(&entry))?.pop().context("--devices: a device was not opened")?, None),
+        };
+        devices.push(Named { entry, device, card });
+    }
+    Ok(devices)
+}
+
 /// Opens the devices of a list; `None` opens one device for each core, and every graphics card.
 pub(crate) fn open(list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
     let specs = match list {
@@ -86,7 +121,7 @@ pub(crate) fn open(list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
 }
 
 /// A card that was named; `found` keeps the lists of APIs that were asked before.
-fn card(found: &mut [(Api, Option<Vec<Found>>)], api: Api, index: usize) -> Result<Arc<dyn Device>> {
+fn card(found: &mut [(Api, Option<Vec<Found>>)], api: Api, index: usize) -> Result<Arc<dyn GpuDevice>> {
     let (_, list) = found.iter_mut().find(|(known, _)| *known == api).context("--devices: an unknown API")?;
     let list = match list {
         Some(list) => list,
@@ -94,7 +129,7 @@ fn card(found: &mut [(Api, Option<Vec<Found>>)], api: Api, index: usize) -> Resu
     };
     let name = api.name();
     match list.get(index) {
-        Some(Ok(device)) => Ok(Arc::clone(device) as Arc<dyn Device>),
+        Some(Ok(device)) => Ok(Arc::clone(device)),
         Some(Err(error)) => bail!("--devices: {name}:{index} cannot be used: {error}"),
         None => bail!("--devices: there is no {name}:{index}; `raybalance devices` lists what there is"),
     }

@@ -3,6 +3,7 @@
 
 mod args;
 mod balance;
+mod bench;
 pub mod chart;
 mod devices;
 mod frame;
@@ -34,6 +35,7 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

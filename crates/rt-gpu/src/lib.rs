@@ -2,8 +2,9 @@
 //!
 //! A backend implements [`Board`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
 //! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
-//! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`SceneImage`] is what a scene
-//! looks like to the kernels; [`arithmetic`] and [`camera`] find out whether a card computes as the host relies on.
+//! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
+//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`] and [`camera`] find out whether a card
+//! computes as the host relies on.
 //!
 //! # What crosses the bus
 //!
@@ -25,16 +26,21 @@ mod card;
 mod image;
 mod pending;
 mod rays;
+mod scene;
 mod tally;
 mod tracer;
+mod trouble;
 mod tuning;
 mod work;
 
 pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 pub use image::{Frame, SceneImage};
+pub use rt_shaders::Layout;
+pub use scene::{GpuScene, Layouts, Trees};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
+pub use trouble::Trouble;
 pub use tuning::Tuning;
 pub use work::Work;
 

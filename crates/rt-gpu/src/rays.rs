@@ -8,14 +8,24 @@ use rt_core::{CameraRays, DeviceError, DeviceErrorKind, RaySource, Scene};
 /// Rays prepared at once: 4 MiB of them, enough for every thread and the bus, little beside any scene.
 const BATCH: u32 = 1 << 16;
 
-/// Puts a stream's rays on the board; says whether the board made them itself.
-pub(crate) fn send(board: &mut impl Board, scene: &Scene, source: &RaySource) -> Result<bool, DeviceError> {
+/// What went to the board of a stream's rays.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sent {
+    pub bytes: u64,
+    /// Rays that the board made itself.
+    pub made: u32,
+}
+
+/// Puts a stream's rays on the board.
+pub(crate) fn send(board: &mut impl Board, scene: &Scene, source: &RaySource) -> Result<Sent, DeviceError> {
     board.reserve_rays(source.len())?;
     let offload = Offload::new(scene);
-    match source {
-        RaySource::Camera(rays) if make(board, &offload, rays)? => Ok(true),
-        source => prepare(board, &offload, source).map(|()| false),
+    if let RaySource::Camera(rays) = source
+        && let Some(bytes) = make(board, &offload, rays)?
+    {
+        return Ok(Sent { bytes, made: source.len() });
     }
+    Ok(Sent { bytes: prepare(board, &offload, source)?, made: 0 })
 }
 
 /// First ray and number of rays of each window.
@@ -24,24 +34,29 @@ fn windows(window: u32, count: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count.div_ceil(window)).map(move |number| (number * window, window.min(count - number * window)))
 }
 
-fn make(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays) -> Result<bool, DeviceError> {
+/// Has the board make the rays; returns the bytes sent, or `None` if it does not.
+fn make(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays) -> Result<Option<u64>, DeviceError> {
     let Some(camera) = offload.camera(rays) else {
-        return Ok(false);
+        return Ok(None);
     };
+    let mut sent = 0;
     for (number, (first, count)) in (0..).zip(windows(board.window(), rays.len())) {
         let (camera, pixels) = camera.part(rays, first, count);
         if !board.make_rays(number, &camera, pixels)? {
-            return Ok(false);
+            return Ok(None);
         }
+        sent += (size_of_val(&camera) + size_of_val(pixels)) as u64;
     }
-    Ok(true)
+    Ok(Some(sent))
 }
 
-fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) -> Result<(), DeviceError> {
+/// Prepares the rays and writes them to the board; returns the bytes sent.
+fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) -> Result<u64, DeviceError> {
     let mut batch: Vec<KernelRay> = Vec::new();
     batch.try_reserve_exact(BATCH.min(source.len()) as usize).map_err(|source| {
         DeviceError::new(DeviceErrorKind::OutOfMemory, "the host has no memory to prepare rays").with_source(source)
     })?;
+    let mut sent = 0;
     for (first, count) in windows(board.window(), source.len()) {
         for skip in (0..count).step_by(BATCH as usize) {
             let prepare = |index| {
@@ -51,7 +66,8 @@ fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) ->
             let begin = first + skip;
             (begin..begin + BATCH.min(count - skip)).into_par_iter().map(prepare).collect_into_vec(&mut batch);
             board.write_rays(begin, &batch)?;
+            sent += size_of_val(&batch[..]) as u64;
         }
     }
-    Ok(())
+    Ok(sent)
 }

@@ -2,11 +2,11 @@
 
 use crate::pending::{Finished, How, Part, Pending, finish};
 use crate::work::Sorter;
-use crate::{Board, IN_FLIGHT, Tally, rays};
+use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Span, StreamSpec, Task, TestCounts, Ticket,
+    Tracer, Traffic, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ const WALK_LIMIT: Duration = Duration::from_secs(600);
 #[derive(Debug)]
 pub struct GpuTracer<B> {
     board: B,
-    scene: Arc<Scene>,
+    scene: GpuScene,
     clock: Clock,
     tally: Arc<Tally>,
     source: RaySource,
@@ -28,14 +28,15 @@ pub struct GpuTracer<B> {
     /// Launches whose results are on the host because a later one was asked for first.
     finished: Vec<(Ticket, Launch)>,
     next_ticket: u64,
+    traffic: Traffic,
 }
 
 impl<B: Board> GpuTracer<B> {
-    /// A tracer of `scene`, which is on `board`, that adds to `tally`.
-    pub fn new(board: B, scene: Arc<Scene>, clock: Clock, tally: Arc<Tally>) -> Self {
+    /// A tracer of `scene`, whose image is on `board`, that adds to `tally`.
+    pub fn new(board: B, scene: impl Into<GpuScene>, clock: Clock, tally: Arc<Tally>) -> Self {
         Self {
             board,
-            scene,
+            scene: scene.into().settled(),
             clock,
             tally,
             source: no_rays(),
@@ -43,6 +44,7 @@ impl<B: Board> GpuTracer<B> {
             pending: VecDeque::new(),
             finished: Vec::new(),
             next_ticket: 0,
+            traffic: Traffic::default(),
         }
     }
 
@@ -52,8 +54,12 @@ impl<B: Board> GpuTracer<B> {
 
     /// Starts a kernel for each window that `rays` has rays of.
     fn start(&mut self, how: How, rays: Sorter) -> Result<Vec<Part>, DeviceError> {
-        let parts = rays.finish(self.board.persistent_lanes()).into_iter();
-        parts.map(|(window, work)| Ok(Part { flight: self.board.start(how.purpose(), window, &work)?, work })).collect()
+        let mut parts = Vec::new();
+        for (window, work) in rays.finish(self.board.persistent_lanes()) {
+            self.traffic.uploaded += size_of_val(work.words()) as u64;
+            parts.push(Part { flight: self.board.start(how.purpose(), window, &work)?, work });
+        }
+        Ok(parts)
     }
 
     /// Waits for kernels, finishes their items on the host, shows each one's place and answer, and returns the time in
@@ -69,14 +75,18 @@ impl<B: Board> GpuTracer<B> {
         let mut in_kernel = Duration::ZERO;
         for Part { flight, work } in parts {
             let mut finished = Finished::default();
-            let Self { board, scene, source, .. } = self;
+            let Self { board, scene, source, traffic, .. } = self;
             let left = limit.saturating_sub(begin.elapsed());
-            board.wait(*flight, left, &mut |answer| finished = finish(scene, source, how, work, &answer))?;
+            board.wait(*flight, left, &mut |answer| {
+                traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
+                finished = finish(scene, source, how, work, &answer);
+            })?;
             if let Some((ray, slot)) = finished.wrong {
                 let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
                 return Err(DeviceError::new(DeviceErrorKind::Lost, what));
             }
             self.tally.add(finished.hits.len(), finished.on_host);
+            self.traffic.on_host += finished.on_host as u64;
             in_kernel += finished.in_kernel;
             finished.hits.into_iter().for_each(|(hit, counts, place)| show(place as usize, hit, counts));
         }
@@ -115,9 +125,9 @@ impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        if rays::send(&mut self.board, &self.scene, &source)? {
-            self.tally.add_made(source.len());
-        }
+        let sent = rays::send(&mut self.board, self.scene.given(), &source)?;
+        self.traffic.uploaded += sent.bytes;
+        self.tally.add_made(sent.made);
         (self.source, self.spec) = (source, spec);
         Ok(())
     }
@@ -183,5 +193,9 @@ impl<B: Board> Tracer for GpuTracer<B> {
                 _ => return self.collect(left, out),
             }
         }
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic
     }
 }

@@ -1,12 +1,5 @@
-// What a launch reads and writes. The layouts are those of `rt_core::Node`, `rt_core::Triangle` and
-// `rt_core::TestCounts`; a test compares the offsets.
-
-// Two boxes, each lower corner before upper corner, as twelve planes in a row; then where the children are:
-// index 0 and 1, number of triangles 0 and 1.
-struct Node {
-    planes: array<vec4<f32>, 3>,
-    links: vec4<u32>,
-}
+// What a launch reads and writes, but for the tree at binding 0, of which each layout has its own, and the work at binding 5.
+// The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test compares the offsets.
 
 struct Triangle {
     // Three vertices. Not vectors: those would be padded to 16 bytes.
@@ -26,7 +19,6 @@ struct Frame {
 const ROOT_WHOLE: u32 = 2u;
 const ROOT_EMPTY: u32 = 3u;
 
-@group(0) @binding(0) var<storage, read> nodes: array<Node>;
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
 @group(0) @binding(3) var<storage, read> frame: Frame;

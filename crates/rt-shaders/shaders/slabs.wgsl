@@ -16,18 +16,24 @@ struct Slabs {
     reach: f32,
 }
 
-fn slabs_of(ray: Ray) -> Slabs {
+// How far box planes are moved away from a ray's origin, by axis; and the ray's reach.
+fn padding_of(ray: Ray) -> vec4<f32> {
     let reaches = max(abs(frame.low - ray.origin), abs(frame.high - ray.origin));
     let reach = max(max(reaches.x, reaches.y), reaches.z);
     // Every product is exact, so fusing one with a sum changes nothing; the order of the sums matters.
     let padding = keep3(keep3(reaches * 8.0 + abs(ray.origin) * 4.0) + vec3<f32>(reach * REACH_SHARE)) * UNIT_ROUNDOFF;
+    return vec4<f32>(padding, reach);
+}
+
+fn slabs_of(ray: Ray) -> Slabs {
+    let padding = padding_of(ray);
     return Slabs(
-        keep3(ray.origin + padding),
-        keep3(ray.origin - padding),
+        keep3(ray.origin + padding.xyz),
+        keep3(ray.origin - padding.xyz),
         ray.reciprocal,
         ray.reciprocal >= vec3<f32>(0.0),
         ray.tmin,
-        reach,
+        padding.w,
     );
 }
 

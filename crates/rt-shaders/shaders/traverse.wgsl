@@ -6,6 +6,15 @@
 //   REDUCED  whether leaves are counted and not opened
 //   CUT      whether, then, a leaf counts as a hit where it is entered
 
+// Two boxes, each lower corner before upper corner, as twelve planes in a row; then where the children are:
+// index 0 and 1, number of triangles 0 and 1.
+struct Node {
+    planes: array<vec4<f32>, 3>,
+    links: vec4<u32>,
+}
+
+@group(0) @binding(0) var<storage, read> nodes: array<Node>;
+
 // Finds out what is asked of item `item`.
 fn solve(item: u32) {
     let ray = rays[ray_of(item)];
