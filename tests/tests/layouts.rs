@@ -78,8 +78,8 @@ fn main() {
 
 /// The first device, with the validation layer where there is one.
 fn open(layouts: Option<Layouts>) -> Result<VulkanDevice, String> {
-    let found = VulkanDevice::enumerate(Options { validation: true, layouts })
-        .or_else(|_| VulkanDevice::enumerate(Options { validation: false, layouts }));
+    let found = VulkanDevice::enumerate(Options { validation: true, layouts, ..Options::default() })
+        .or_else(|_| VulkanDevice::enumerate(Options { layouts, ..Options::default() }));
     let mut found = found.map_err(|e| e.to_string())?.into_iter();
     found.next().ok_or("there is no device")?.map_err(|e| e.to_string())
 }

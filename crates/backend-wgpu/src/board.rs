@@ -142,6 +142,7 @@ impl Board for WgpuBoard {
         if free.is_none() {
             self.slots.push(Slot::new(&self.shared.opened)?);
         }
+        self.shared.count_launch();
         let [two, triangles, primitives, frame] = &self.scene;
         let tree = match layout {
             Layout::Two => two,

@@ -6,9 +6,10 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Tuning, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
 
@@ -22,6 +23,8 @@ pub struct Options {
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
 }
 
 impl Options {
@@ -50,6 +53,8 @@ pub(crate) struct Shared {
     options: Options,
     /// Whether it makes the host's camera rays; asked when the first are wanted.
     makes_rays: OnceLock<bool>,
+    /// Launches so far, walks too.
+    launches: AtomicU32,
     pub opened: Arc<Opened>,
     pub tally: Arc<Tally>,
 }
@@ -106,6 +111,7 @@ impl WgpuDevice {
             pipelines: Mutex::default(),
             options,
             makes_rays: OnceLock::new(),
+            launches: AtomicU32::default(),
             opened: Arc::new(opened),
             tally: Arc::default(),
         };
@@ -171,8 +177,20 @@ impl Shared {
         *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
     }
 
+    /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
+    pub(crate) fn count_launch(&self) {
+        let launch = self.launches.fetch_add(1, Ordering::Relaxed);
+        if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
+            self.opened.device.destroy();
+        }
+    }
+
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.options.trouble {
+            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
         let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;

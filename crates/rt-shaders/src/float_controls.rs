@@ -76,7 +76,7 @@ mod tests {
 
     #[test]
     fn modules_ask_for_what_is_promised_and_are_otherwise_the_same() {
-        let kernel = kernel(Purpose::Closest, 20).expect("one for each depth");
+        let kernel = kernel(crate::Layout::Two, Purpose::Closest, 20).expect("one for each depth");
         let plain = kernel.spirv();
         assert_eq!(kernel.spirv_with(FloatControls::default()), plain);
         let one = FloatControls { signed_zero_inf_nan: true, ..FloatControls::default() };
