@@ -188,7 +188,7 @@ impl Shared {
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
         let (layout, purpose) = match self.options.trouble {
-            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            Some(Trouble::Kernel(instead)) if purpose.traces() => (Layout::Two, instead),
             _ => (layout, purpose),
         };
         let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
