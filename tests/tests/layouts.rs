@@ -14,8 +14,9 @@ use rt_core::{
 };
 use rt_scene::builtin;
 use rt_tests::conformance::{Subject, clock, trials};
-use rt_tests::rays::RayMaker;
-use rt_tests::{scenes, shapes, tree};
+use rt_tests::scenes;
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -55,7 +56,7 @@ fn main() {
     let device = open(Some(Layouts { trace: other, ..usual })).map(|device| Arc::new(device) as Arc<dyn Device>);
     let mut all = trials(vec![Subject::new("vulkan", label, device)]);
     let trial = |name: &str, test: Box<dyn Fn() -> Result<(), Failed> + Send>| {
-        Trial::test(name, move || test()).with_kind("vulkan/0/all wide")
+        Trial::test(name, test).with_kind("vulkan/0/all wide")
     };
     all.push(trial("closed_meshes_do_not_leak", Box::new(closed_meshes_do_not_leak)));
     all.push(trial("shapes_are_the_processors", Box::new(shapes_are_the_processors)));

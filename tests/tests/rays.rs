@@ -9,8 +9,8 @@ use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::Builder;
 use rt_core::{
-    CameraRays, Device, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, StreamSpec, Task, TestCounts,
-    Tracer, Walk, morton, random, tasks_of,
+    CameraRays, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, StreamSpec, Task, TestCounts, Tracer,
+    Walk, morton, random, tasks_of,
 };
 use rt_gpu::{GpuDevice, Tuning};
 use rt_scene::{View, builtin};

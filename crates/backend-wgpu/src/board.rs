@@ -61,7 +61,8 @@ impl WgpuBoard {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
-        let wide = upload(image.wide())?;
+        let (what, bytes) = image.wide();
+        let wide = upload((&what, bytes))?;
         sender.finish()?;
         let (trees, rays, slots, busy) = (scene.trees(), Vec::new(), Vec::new(), Vec::new());
         Ok(Self { shared, trees, tuning, scene: resident, wide, sender, rays, slots, busy, started: 0 })

@@ -30,4 +30,4 @@ mod trusted;
 
 pub use device::{Options, WgpuDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Tally, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Tuning};

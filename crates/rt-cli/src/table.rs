@@ -14,6 +14,11 @@ impl Table {
         Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
     }
 
+    /// Whether there is nothing but the header.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rows.len() < 2
+    }
+
     pub(crate) fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
@@ -25,7 +30,8 @@ impl std::fmt::Display for Table {
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(width).collect();
         let is_words = |c: usize| {
-            let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(c)).peekable();
+            let mut body =
+                self.rows.iter().skip(1).filter_map(|row| row.get(c)).filter(|cell| !cell.is_empty()).peekable();
             body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
         };
         for row in &self.rows {
