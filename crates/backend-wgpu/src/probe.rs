@@ -66,5 +66,5 @@ fn ask<A: NoUninit, B: NoUninit, T: Pod>(
         other => return Err(opened.lose(&format!("its numbers cannot be read: {other:?}"))),
     }
     let view = back.get_mapped_range(0..wanted).map_err(|e| opened.lose(&e.to_string()))?;
-    Ok(bytemuck::pod_collect_to_vec(&*view))
+    Ok(bytemuck::pod_collect_to_vec(&view))
 }
