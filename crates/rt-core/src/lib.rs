@@ -25,7 +25,7 @@ mod ray;
 mod scene;
 mod task;
 
-pub use camera::{Camera, CameraError, CameraRays};
+pub use camera::{Camera, CameraError, CameraRays, Raster};
 pub use cost::{
     CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, TaskOutcome, Work,
 };

@@ -29,7 +29,7 @@ impl Layouts {
     #[must_use]
     pub const fn of(self, purpose: Purpose) -> Layout {
         match purpose {
-            Purpose::Arithmetic => Layout::Two,
+            Purpose::Arithmetic | Purpose::Camera => Layout::Two,
             purpose if purpose.counts() => self.count,
             _ => self.trace,
         }
