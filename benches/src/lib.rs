@@ -22,6 +22,9 @@ pub struct BenchScene {
     pub view: View,
 }
 
+/// Streams by name, with what is asked of their rays.
+pub type Streams = Vec<(&'static str, RaySource, Query)>;
+
 impl BenchScene {
     /// `yard`, `car`, or an OBJ file, whose camera is taken from a `cameras.tsv` beside it if that names it.
     ///
@@ -55,11 +58,7 @@ impl BenchScene {
     ///
     /// # Errors
     /// When the view makes no camera.
-    pub fn streams(
-        &self,
-        scene: &Scene,
-        size: [u32; 2],
-    ) -> Result<Vec<(&'static str, RaySource, Query)>, Box<dyn Error>> {
+    pub fn streams(&self, scene: &Scene, size: [u32; 2]) -> Result<Streams, Box<dyn Error>> {
         let primary = self.primary(size, 1, 1)?;
         let mut hits: Vec<Hit> = Vec::with_capacity(primary.len() as usize);
         let rays = (0..primary.len()).map(|i| primary.ray(i));
