@@ -2,7 +2,7 @@
 
 use super::measure::{Case, Outcome, Seconds};
 use super::truth::Truth;
-use rt_benches::median;
+use rt_balance::stats::median;
 use rt_core::{StreamKind, Task};
 use rt_sched::metrics::EstimateErrors;
 use serde_json::{Value, json};

@@ -1,7 +1,7 @@
 //! What tasks really cost.
 
 use super::LIMIT;
-use rt_benches::median;
+use rt_balance::stats::median;
 use rt_core::{Launch, RaySource, StreamSpec, Task, TestCounts, Tracer, Work};
 use rt_sched::calibrate::{Calibration, Measured, cross_predicted};
 use rt_sched::metrics::EstimateErrors;
