@@ -2,14 +2,15 @@
 
 use crate::conformance::clock;
 use crate::judge::{Tally, judge};
-use crate::rays::{Aim, RayMaker};
-use crate::reference::{Reference, Verdict};
-use crate::tree;
+use crate::scenes;
 use rayon::prelude::*;
 use rt_core::{
     Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
     tasks_of,
 };
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::{Reference, Verdict};
+use rt_verify::tree;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -59,6 +60,19 @@ pub struct Ambiguity {
     pub random_ties: usize,
     /// Those of them that are ambiguous for another reason.
     pub random_doubtful: usize,
+}
+
+/// Of how many random rays one may be ambiguous, but for ties in the scenes that are listed for them.
+const AMBIGUOUS_ONE_IN: usize = 1000;
+
+impl Ambiguity {
+    /// Whether no more random rays are ambiguous than may be in this scene: one in a thousand, and one more, since few
+    /// rays say little. In [`scenes::TIED`], ties do not count.
+    #[must_use]
+    pub fn is_admissible(&self, scene: &str) -> bool {
+        let ties = if scenes::TIED.contains(&scene) { 0 } else { self.random_ties };
+        self.random_doubtful + ties <= self.random / AMBIGUOUS_ONE_IN + 1
+    }
 }
 
 /// How a tree did.

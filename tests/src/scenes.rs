@@ -9,6 +9,11 @@ use std::path::{Path, PathBuf};
 /// The environment variable.
 pub const VARIABLE: &str = "RAYBALANCE_SCENES";
 
+/// Scenes of which more than one random ray in a thousand meets two surfaces at one distance, to within the rounding of
+/// double precision: faces that were modelled twice, or lie in each other's plane. Measured on 10³ random rays: 0.6% in
+/// backyard and conference, 0.8% in sports-car, 31% in nasty-yard.
+pub const TIED: [&str; 4] = ["backyard", "conference", "nasty-yard", "sports-car"];
+
 /// A scene that can be loaded.
 #[derive(Clone, Debug)]
 pub struct RealScene {

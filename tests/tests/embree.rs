@@ -1,8 +1,8 @@
 //! Embree and this project's devices on the same rays: random meshes and real scenes; nearest and any hits.
 //!
-//! Where they differ, the exact reference says who is right. Our devices must never be wrong, whatever the precision
-//! and the number of threads. Embree's errors are counted and printed; on random rays there may be few, or it is not
-//! Embree that is asked. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
+//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful precision
+//! and with any number of threads. Errors of Embree and of our `fast` are counted and printed; on random rays there may
+//! be few, or they were not asked the same. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
 //! The program `parity` does the same with more rays.
 
 use backend_cpu::CpuDevice;
@@ -16,26 +16,31 @@ use rt_scene::{Model, builtin};
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::{Exam, Kind, trace_all};
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
-use rt_tests::reference::Reference;
-use rt_tests::{is_required, scenes, strategy, tree};
+use rt_tests::{is_required, scenes, strategy};
+use rt_verify::reference::Reference;
+use rt_verify::tree;
 use std::cell::RefCell;
 use std::sync::Arc;
 
 /// Rays for each real scene. The reference tests each with every triangle; the program `parity` takes more.
-const RAYS: u32 = 600;
+const RAYS: u32 = 300;
 
 /// Random meshes, of some dozen rays each.
 const MESHES: u32 = 60;
 
-/// Share of random rays, which nothing aims near edges, that robust Embree may answer wrongly. Measured: below 10⁻⁴.
+/// Share of random rays, which nothing aims near edges, that Embree or our `fast` may answer wrongly. Measured: below 10⁻³.
 /// With wrong ids, limits or coordinates nearly all would be wrong.
-const EMBREE_ERRORS: f64 = 0.005;
+const ERRORS: f64 = 0.005;
 
 /// The careful precisions: those that must always be right.
 const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
 
 /// Is given Embree with its robust flag and without.
 type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
+
+/// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer wrongly.
+/// Measured: 2 to 4%.
+const ERRORS_AIMED: f64 = 0.1;
 
 type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
 
@@ -108,7 +113,7 @@ fn mesh_and_rays() -> impl Strategy<Value = (Vec<Triangle>, Vec<(Ray, u32)>)> {
     })
 }
 
-/// Guards against: a triangle lost or moved on the way to Embree, ids of leaf order, limits or origins not handed on.
+/// Guards against: a box test of ours without padding, a triangle lost by a builder, a tie won by the higher id.
 fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Failed> {
     let tallies = RefCell::new([const { Tally::new() }; 2]);
     let mut runner = TestRunner::new(Config { cases: MESHES, ..Config::default() });
@@ -147,8 +152,9 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
         println!("random meshes: {}: {tally}", device.info().name);
         println!("    {}", tally.first.as_deref().unwrap_or_default());
     }
+    let bad = |tally: &&Tally| tally.errors() as f64 > ERRORS_AIMED * tally.rays as f64;
     match outcome {
-        Ok(()) => Ok(()),
+        Ok(()) => tallies.iter().find(bad).map_or(Ok(()), |tally| Err(format!("Embree: {tally}").into())),
         Err(TestError::Abort(reason)) => Err(reason.to_string().into()),
         Err(TestError::Fail(reason, (triangles, rays))) => {
             Err(format!("{reason}\nfor {triangles:?}\nand {rays:?}").into())
@@ -161,7 +167,11 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
     let camera = model.view.map(|view| view.camera()).transpose()?;
     let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 2);
     let scene = tree::build(&triangles, Builder::Sah)?;
-    println!("{name}: {:?}", exam.ambiguity());
+    let ambiguity = exam.ambiguity();
+    println!("{name}: {ambiguity:?}");
+    if !ambiguity.is_admissible(name) {
+        return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
+    }
     for query in [Query::Closest, Query::Any] {
         let mut first: Option<Vec<Hit>> = None;
         for (label, device) in ours.iter() {
@@ -178,8 +188,11 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
             }
         }
-        for device in embree {
-            let spec = StreamSpec { query, ..StreamSpec::default() };
+        let fast = ours.first().map(|(label, device)| (format!("{label}, fast"), &**device, Precision::Fast));
+        let named = |device: &'_ EmbreeDevice| device.info().name.clone();
+        let single = embree.iter().map(|device| (named(device), device as &dyn Device, Precision::default()));
+        for (name, device, precision) in single.chain(fast) {
+            let spec = StreamSpec { query, precision, counts: false };
             let (mut all, mut random) = (Tally::new(), Tally::new());
             for (kind, tally) in Kind::ALL.into_iter().zip(exam.judge(&exam.ask(device, &scene, spec)?, query)) {
                 if kind.is_random() {
@@ -187,10 +200,10 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
                 all.merge(tally);
             }
-            println!("    {}, {query:?}: {all}", device.info().name);
+            println!("    {name}, {query:?}: {all}");
             println!("    {}", all.first.as_deref().unwrap_or_default());
-            if random.errors() as f64 > EMBREE_ERRORS * random.rays as f64 {
-                return Err(format!("{}: {random}: it is not asked what we are", device.info().name).into());
+            if random.errors() as f64 > ERRORS * random.rays as f64 {
+                return Err(format!("{name}: {random}: it is not asked what the others are").into());
             }
         }
     }

@@ -1,14 +1,16 @@
-//! Times the traversal kernels on one thread: full, exact counts, both reduced walks, and the price of precision.
+//! Times the traversal kernels on one thread: full, exact counts, both reduced walks, and the price of precision; and,
+//! on the same rays, Embree (where its library is found) and obvhs.
 //!
 //! `cargo run --release -p rt-benches --bin traversal -- SCENE... [--builder NAME] [--runs 7] [--size 1024x1024]`
 #![forbid(unsafe_code)]
 
 use rt_balance::stats::median;
 use rt_benches::BenchScene;
+use rt_benches::peers::{Peer, Peers, Run};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
-use rt_scene::streams::{Spawner, Sun};
 use std::error::Error;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// What is timed; the first one is what the others are compared with.
@@ -38,12 +40,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     println!(
-        "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n",
+        "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n\
+         Behind a peer's time: by how many rays in a million it hits more than we do (+) or fewer.\n",
         options.runs
     );
     print!("| scene | rays | robust Mray/s |");
     KERNELS[1..].iter().for_each(|(name, _)| print!(" {name} |"));
-    println!("\n|---|---|---|{}", "---|".repeat(KERNELS.len() - 1));
+    Peer::ALL.iter().for_each(|peer| print!(" {} |", peer.name()));
+    println!("\n|---|---|---|{}", "---|".repeat(KERNELS.len() - 1 + Peer::ALL.len()));
     for name in &options.scenes {
         bench(name, &options)?;
     }
@@ -53,42 +57,53 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let bench = BenchScene::open(name)?;
     let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-    let scene = build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene;
-    let primary = bench.primary(options.size, 1, 1)?;
-    let mut hits = vec![Hit::MISS; primary.len() as usize];
-    run(&scene, &primary, Query::Closest, KERNELS[0].1, |i, hit| hits[i] = hit);
-    let spawner = Spawner { model: &bench.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
-    let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
-    let all = 0..hits.len() as u32;
-    let streams = [
-        ("primary", primary.clone(), Query::Closest),
-        ("shadow", spawner.shadow(&sun, all.clone()).into_source().0, Query::Any),
-        ("diffuse", spawner.diffuse(all).into_source().0, Query::Closest),
-    ];
+    let scene = Arc::new(build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene);
+    let mut peers = Peers::new(&bench.model, &scene)?;
+    if let Some(reason) = peers.missing() {
+        eprintln!("{name}: left out: {reason}");
+    }
+    let streams = bench.streams(&scene, options.size)?;
     for (kind, source, query) in streams.iter().filter(|(_, source, _)| !source.is_empty()) {
         let mut times = vec![Vec::new(); KERNELS.len()];
+        let mut others = vec![Vec::<Run>::new(); Peer::ALL.len()];
+        let mut hits = 0_usize;
         for _ in 0..options.runs {
             for (times, (_, kernel)) in times.iter_mut().zip(KERNELS) {
                 times.push(run(&scene, source, *query, kernel, |_, _| ()));
             }
+            for (runs, peer) in others.iter_mut().zip(Peer::ALL) {
+                runs.extend(peers.run(peer, source, *query)?);
+            }
         }
+        run(&scene, source, *query, KERNELS[0].1, |_, hit| hits += usize::from(hit.is_hit()));
         // Pair by pair, so that a machine whose speed drifts compares neighbours in time.
-        let ratio = |k: usize| median(&times[k].iter().zip(&times[0]).map(|(a, b)| a / b).collect::<Vec<_>>());
+        let over = |these: &mut dyn Iterator<Item = f64>| {
+            median(&these.zip(&times[0]).map(|(a, b)| a / b).collect::<Vec<_>>())
+        };
         print!("| {} | {kind} | {:.2} |", bench.name, f64::from(source.len()) / median(&times[0]) / 1e6);
-        (1..KERNELS.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
+        times[1..].iter().for_each(|times| print!(" {:.2} |", over(&mut times.iter().copied())));
+        for runs in &others {
+            match runs.first() {
+                Some(first) => {
+                    let more = (first.hits as f64 - hits as f64) / f64::from(source.len()) * 1e6;
+                    print!(" {:.2} ({more:+.0}) |", over(&mut runs.iter().map(|run| run.seconds)));
+                }
+                None => print!(" – |"),
+            }
+        }
         println!();
     }
     Ok(())
 }
 
-/// Runs a kernel over a stream and returns the seconds.
+/// Runs a kernel over a stream, shows each hit with its number, and returns the seconds.
 fn run(scene: &Scene, source: &RaySource, query: Query, kernel: Kernel, mut keep: impl FnMut(usize, Hit)) -> f64 {
     let mut stack = Stack::for_scene(scene);
-    let mut i = 0;
+    let mut index = 0;
     let sink = |hit: Hit, counts: TestCounts| {
         std::hint::black_box((hit, counts));
-        keep(i, hit);
-        i += 1;
+        keep(index, hit);
+        index += 1;
     };
     let rays = (0..source.len()).map(|i| source.ray(i));
     let begin = Instant::now();

@@ -10,7 +10,7 @@ use crate::run::{Ran, run};
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
 use rt_core::{
     CostEstimator, Device, DeviceInfo, Hit, Launch, LaunchRecord, Ray, RaySource, RayStream, Scene, StreamKind,
-    StreamRecord, StreamSpec, TestCounts,
+    StreamRecord, StreamSpec, TestCounts, Traffic,
 };
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -46,6 +46,7 @@ impl Balancer {
                     models: Models::default(),
                     failure: None,
                     buffers: Launch::default(),
+                    before: Traffic::default(),
                 }),
                 Err(source) => Err(BalanceError::Open { device: info.name, source }),
             }
@@ -122,6 +123,7 @@ impl Balancer {
 
         let begin = clock::now();
         let outputs = Mutex::new(Outputs { hits, counts });
+        self.members.iter_mut().for_each(Member::begin);
         self.load(stream)?;
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
         let key = Key::of(&*scheduling.estimator, stream.kind);

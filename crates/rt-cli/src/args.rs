@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
 use rt_bvh::Builder;
+use rt_core::Precision;
 use std::path::PathBuf;
 
 /// Trace a scene over several devices, balanced by estimated cost.
@@ -16,6 +17,7 @@ use std::path::PathBuf;
   raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
   raybalance render room.obj --queue central --estimator uniform --reference
   raybalance trace room.obj --rays rays.npy --hits hits.npy
+  raybalance verify --backend cpu,vulkan:0
 
 Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.")]
 pub(crate) struct Cli {
@@ -29,6 +31,13 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Trace rays from a NumPy file and write the hits to another
     Trace(Box<TraceArgs>),
+    /// Measure how fast each device traces, and what reduced traversal costs beside full
+    Bench(Box<BenchArgs>),
+    /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices
+    Verify(VerifyArgs),
+    /// Measure what a knob costs and what it buys
+    #[command(subcommand)]
+    Tradeoff(TradeoffCommand),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -173,6 +182,110 @@ pub(crate) struct TraceArgs {
     pub(crate) json: bool,
 }
 
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Repetitions that count; one more goes before
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) repeat: u32,
+    /// Few rays, three repetitions: to see that it works
+    #[arg(long, conflicts_with_all = ["rays", "repeat"])]
+    pub(crate) quick: bool,
+    /// Seed of bounces and random rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON, with every single measurement, instead of tables
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write that JSON to a file as well
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
+pub(crate) struct VerifyArgs {
+    /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Triangle tests that are to keep the promises; fast is known not to
+    #[arg(long, value_enum, default_value_t = PrecisionArg::Robust)]
+    pub(crate) precision: PrecisionArg,
+    /// Under a minute on two cores; the default
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// 10^8 rays at closed surfaces, 10^7 spawned rays, 2^24 triangles
+    #[arg(long, conflicts_with = "quick")]
+    pub(crate) full: bool,
+    /// Rays of each line about closed surfaces, with which the other lines scale [default: 210,000; 6,720,000 with --full]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of rays and meshes
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TradeoffCommand {
+    /// Fast against robust against double precision: speed, wrong answers, errors of distances
+    Precision(PrecisionTradeoffArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PrecisionTradeoffArgs {
+    /// yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Fewer rays and runs: a look, not a measurement
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Runs of each precision, all in turn [default: 30; 6 with --quick]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) runs: Option<u32>,
+    /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Rays of each stream that the exact reference judges [default: 2000; 200 with --quick]
+    #[arg(long, value_name = "N")]
+    pub(crate) sample: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of the rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Folder for precision.json, precision.csv and precision.svg
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+impl PrecisionTradeoffArgs {
+    /// Size of the picture, number of runs and of sampled rays.
+    pub(crate) fn effort(&self) -> ([u32; 2], u32, u32) {
+        let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
+        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {
     /// Watertight: single precision, doubtful cases decided in double
@@ -181,6 +294,16 @@ pub(crate) enum PrecisionArg {
     Fast,
     /// Double precision throughout
     F64,
+}
+
+impl From<PrecisionArg> for Precision {
+    fn from(arg: PrecisionArg) -> Self {
+        match arg {
+            PrecisionArg::Robust => Self::Robust,
+            PrecisionArg::Fast => Self::Fast,
+            PrecisionArg::F64 => Self::Double,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

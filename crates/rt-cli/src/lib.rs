@@ -3,6 +3,7 @@
 
 mod args;
 mod balance;
+mod bench;
 pub mod chart;
 mod devices;
 mod frame;
@@ -18,6 +19,8 @@ mod scene_source;
 mod shade;
 mod table;
 mod trace;
+mod tradeoff;
+mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -34,6 +37,9 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Bench(args) => bench::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

@@ -102,7 +102,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
 }
 
 /// From outside, or from inside where the model is a room.
-fn automatic_view(prepared: &Prepared) -> View {
+pub(crate) fn automatic_view(prepared: &Prepared) -> View {
     let scene = &prepared.built.scene;
     let mut stack = Stack::for_scene(scene);
     let mut probe = |ray: &Ray| {

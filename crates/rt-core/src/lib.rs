@@ -31,6 +31,7 @@ pub use cost::{
 };
 pub use device::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
+    Traffic,
 };
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
 pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, Scene, SceneError, SceneParts};

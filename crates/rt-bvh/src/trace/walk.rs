@@ -1,6 +1,8 @@
 //! The traversal loop.
 
 use super::slabs::{Frame, LocalRay};
+use super::wide::Group;
+use crate::wide::WideTree;
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
@@ -34,6 +36,8 @@ pub(super) trait Visitor<'a>: Sized {
 #[derive(Clone, Debug, Default)]
 pub struct Stack {
     pub(super) entries: Vec<Pending>,
+    /// The same for wide trees.
+    pub(super) groups: Vec<Group>,
 }
 
 /// A child whose box was entered.
@@ -64,6 +68,15 @@ impl Stack {
             self.entries.resize(depth, Pending::default());
         }
     }
+
+    pub(super) fn fit_wide(&mut self, tree: &WideTree) {
+        self.fit(tree.scene());
+        // Each node on the path from the root leaves at most one group behind, and the last one none.
+        let depth = tree.depth() as usize;
+        if self.groups.len() < depth {
+            self.groups.resize(depth, Group::default());
+        }
+    }
 }
 
 /// Walks every ray through the scene's tree with a visitor of its own.
@@ -92,20 +105,32 @@ pub(super) fn each_in<'a, V, R, S>(
 {
     stack.fit(scene);
     let frame = Frame::of(scene);
-    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
     for (ray, excluded) in rays {
         let Some(ray) = frame.localize(&ray) else {
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
         let mut visitor = V::begin(data, ray, excluded);
-        let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &mut visitor) };
-        if let Some(start) = start {
-            // The visitor leaves the loop early when it knows the answer.
-            let _ = walk(nodes, &mut stack.entries, start, &mut visitor);
-        }
+        walk_nodes(nodes, stack, &mut visitor);
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
+    }
+}
+
+/// Walks one ray. The stack fits the scene.
+#[inline(always)]
+pub(super) fn walk_two<'a, V: Visitor<'a>>(scene: &'a Scene, stack: &mut Stack, visitor: &mut V) {
+    walk_nodes(scene.nodes(), stack, visitor);
+}
+
+/// Walks one ray through any two-wide tree that the stack fits.
+#[inline(always)]
+fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut Stack, visitor: &mut V) {
+    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
+    let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], visitor) };
+    if let Some(start) = start {
+        // The visitor leaves the loop early when it knows the answer.
+        let _ = walk(nodes, &mut stack.entries, start, visitor);
     }
 }
 

@@ -89,6 +89,8 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
     }
     let mut trees: Vec<WinnerTree> = members.iter().map(|m| WinnerTree::new(m)).collect();
     let mut lists = vec![Vec::new(); devices.len()];
+    // Beside the units, in which a device that is much faster than another counts coarsely.
+    let mut seconds_of = vec![0.0; devices.len()];
     let mut prices = Vec::with_capacity(AHEAD * classes.models.len());
     for tasks in dearest_first(work.iter().map(|w| seconds(&mean, w))).order.chunks(AHEAD) {
         prices.clear();
@@ -108,15 +110,13 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
             let device = (finish & ((1 << units.device_bits) - 1)) as usize;
             lists[device].push(task.task());
             trees[class].replace_first(leaf[device], finish);
+            seconds_of[device] += devices[device].seconds(&work[task.task() as usize]);
         }
     }
-    let seconds = lists.iter().enumerate().map(|(device, list)| {
-        let packed = trees[classes.of[device]].of(leaf[device]);
-        let used = (packed >> units.device_bits) - list.len() as u64;
-        if list.is_empty() { 0.0 } else { used as f64 / units.per_second }
-    });
-    let seconds = seconds.collect();
-    Schedule::from_parts(lists, seconds, work.len())
+    for (model, (seconds, list)) in devices.iter().zip(seconds_of.iter_mut().zip(&lists)) {
+        *seconds += if list.is_empty() { 0.0 } else { model.per_launch() };
+    }
+    Schedule::from_parts(lists, seconds_of, work.len())
 }
 
 /// Devices grouped by equal cost models.
