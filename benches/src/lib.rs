@@ -3,10 +3,11 @@
 
 pub mod peers;
 
-use rt_core::{CameraRays, RaySource, morton};
+use rt_bvh::Stack;
+use rt_core::{CameraRays, Hit, Query, RaySource, Scene, StreamSpec, morton};
+use rt_scene::streams::{Spawner, Sun};
 use rt_scene::{Model, View, builtin, obj, view};
 use std::error::Error;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -34,7 +35,7 @@ impl BenchScene {
         };
         let path = Path::new(scene);
         let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        let listed = camera_beside(path);
+        let listed = view::listed(path);
         let view = model.view.or(listed).unwrap_or_else(|| view::auto_view(&model));
         Ok(Self { name, model, view })
     }
@@ -48,18 +49,31 @@ impl BenchScene {
         let camera = self.view.camera()?;
         Ok(RaySource::Camera(Arc::new(CameraRays { camera, size, pixels, samples, seed })))
     }
-}
 
-/// The line of `cameras.tsv` for this file: name, eye, target, up, vertical field of view.
-fn camera_beside(path: &Path) -> Option<View> {
-    let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
-    let name = path.file_name()?.to_str()?;
-    let line = table.lines().find(|line| line.split('\t').next() == Some(name))?;
-    let fields: Vec<&str> = line.split('\t').collect();
-    let vector = |text: &str| {
-        let parts: Vec<f32> = text.split_whitespace().filter_map(|x| x.parse().ok()).collect();
-        (parts.len() == 3).then(|| glam::Vec3::from_slice(&parts))
-    };
-    let [_, eye, target, up, fov] = fields[..] else { return None };
-    Some(View { eye: vector(eye)?, target: vector(target)?, up: vector(up)?, fov_degrees: fov.trim().parse().ok()? })
+    /// The streams of a path tracer's first steps that are not empty: primary rays of an image, shadow rays towards the sun and
+    /// diffuse rays from what those hit; each with its name and what is asked of it.
+    ///
+    /// # Errors
+    /// When the view makes no camera.
+    pub fn streams(
+        &self,
+        scene: &Scene,
+        size: [u32; 2],
+    ) -> Result<Vec<(&'static str, RaySource, Query)>, Box<dyn Error>> {
+        let primary = self.primary(size, 1, 1)?;
+        let mut hits: Vec<Hit> = Vec::with_capacity(primary.len() as usize);
+        let rays = (0..primary.len()).map(|i| primary.ray(i));
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), StreamSpec::default(), rays, |hit, _| hits.push(hit));
+        let spawner = Spawner { model: &self.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
+        let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
+        let all = 0..hits.len() as u32;
+        let shadow = spawner.shadow(&sun, all.clone()).into_source().0;
+        let diffuse = spawner.diffuse(all).into_source().0;
+        let streams = [
+            ("primary", primary, Query::Closest),
+            ("shadow", shadow, Query::Any),
+            ("diffuse", diffuse, Query::Closest),
+        ];
+        Ok(streams.into_iter().filter(|(_, source, _)| !source.is_empty()).collect())
+    }
 }

@@ -9,7 +9,6 @@ use rt_benches::BenchScene;
 use rt_benches::peers::{Peer, Peers, Run};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
-use rt_scene::streams::{Spawner, Sun};
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
@@ -63,17 +62,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     if let Some(reason) = peers.missing() {
         eprintln!("{name}: left out: {reason}");
     }
-    let primary = bench.primary(options.size, 1, 1)?;
-    let mut hits = vec![Hit::MISS; primary.len() as usize];
-    run(&scene, &primary, Query::Closest, KERNELS[0].1, |i, hit| hits[i] = hit);
-    let spawner = Spawner { model: &bench.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
-    let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
-    let all = 0..hits.len() as u32;
-    let streams = [
-        ("primary", primary.clone(), Query::Closest),
-        ("shadow", spawner.shadow(&sun, all.clone()).into_source().0, Query::Any),
-        ("diffuse", spawner.diffuse(all).into_source().0, Query::Closest),
-    ];
+    let streams = bench.streams(&scene, options.size)?;
     for (kind, source, query) in streams.iter().filter(|(_, source, _)| !source.is_empty()) {
         let mut times = vec![Vec::new(); KERNELS.len()];
         let mut others = vec![Vec::<Run>::new(); Peer::ALL.len()];
@@ -107,14 +96,14 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Runs a kernel over a stream and returns the seconds.
+/// Runs a kernel over a stream, shows each hit with its number, and returns the seconds.
 fn run(scene: &Scene, source: &RaySource, query: Query, kernel: Kernel, mut keep: impl FnMut(usize, Hit)) -> f64 {
     let mut stack = Stack::for_scene(scene);
-    let mut i = 0;
+    let mut index = 0;
     let sink = |hit: Hit, counts: TestCounts| {
         std::hint::black_box((hit, counts));
-        keep(i, hit);
-        i += 1;
+        keep(index, hit);
+        index += 1;
     };
     let rays = (0..source.len()).map(|i| source.ray(i));
     let begin = Instant::now();

@@ -7,20 +7,20 @@ use crate::pipeline::Bindings;
 use crate::timeline::Timeline;
 use rt_core::DeviceError;
 use rt_gpu::PATIENCE;
-use rt_gpu::arithmetic::{Answer, PAIRS, first_fault, pairs};
-use rt_shaders::Purpose;
+use rt_gpu::arithmetic::{Answer, PAIRS, first_fault, questions};
+use rt_shaders::{Layout, Purpose};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check(shared: &Shared) -> Result<Option<String>, DeviceError> {
     let logical = &shared.logical;
-    let pairs = pairs();
-    let (given, wanted) = (size_of_val(&pairs[..]) as u64, u64::from(PAIRS) * size_of::<Answer>() as u64);
+    let questions = questions();
+    let (given, wanted) = (size_of_val(&questions[..]) as u64, u64::from(PAIRS) * size_of::<Answer>() as u64);
     let mut upload = Buffer::new(logical, "numbers", given, Use::Upload)?;
     let [numbers, answers] = [given, wanted].map(|size| Buffer::new(logical, "numbers", size, Use::Kernel));
     let (numbers, answers) = (numbers?, answers?);
     let download = Buffer::new(logical, "numbers", wanted, Use::Download)?;
-    upload.write(0, &pairs);
-    let pipeline = shared.pipeline(Purpose::Arithmetic, 0)?;
+    upload.write(0, &questions);
+    let pipeline = shared.pipeline(Layout::Two, Purpose::Arithmetic, 0)?;
     let mut bindings = Bindings::new(shared.layout())?;
     bindings.choose([&numbers, &numbers, &numbers, &numbers, &numbers, &numbers, &answers, &numbers]);
     let (mut commands, mut timeline) = (Commands::new(logical)?, Timeline::new(logical)?);
@@ -38,5 +38,5 @@ pub(crate) fn check(shared: &Shared) -> Result<Option<String>, DeviceError> {
         std::mem::forget((upload, numbers, answers, download, pipeline, bindings, commands, timeline));
         return Err(error);
     }
-    Ok(first_fault(download.read(pairs.len())))
+    Ok(first_fault(download.read(PAIRS as usize)))
 }

@@ -7,28 +7,27 @@ use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
-use rt_core::{DeviceError, DeviceErrorKind, Scene};
-use rt_gpu::{Answer, Board, Flight, IN_FLIGHT, SceneImage};
+use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, Trees};
 use rt_shaders::Purpose;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long dropping a board waits for launches in flight. What is not done then is never freed.
+/// How long dropping a board waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// A scene resident on a Vulkan device.
 #[derive(Debug)]
 pub(crate) struct VulkanBoard {
     shared: Arc<Shared>,
-    /// Of the scene's tree.
-    depth: u32,
+    trees: Trees,
     /// Taken only when the board is dropped.
     gpu: Option<Gpu>,
 }
 
 /// What the device holds.
 #[derive(Debug)]
-struct Gpu {
+pub(crate) struct Gpu {
     timeline: Timeline,
     uploader: Uploader,
     resident: Resident,
@@ -40,20 +39,46 @@ struct Gpu {
 }
 
 impl VulkanBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &Scene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
+        shared.abandoned.sweep();
         let logical = &shared.logical;
-        let mut timeline = Timeline::new(logical)?;
-        let mut uploader = Uploader::new(logical)?;
-        let resident = Resident::new(logical, &mut uploader, &mut timeline, &SceneImage::new(scene))?;
-        let slots = (0..=IN_FLIGHT).map(|_| Slot::new(logical, shared.layout())).collect::<Result<Vec<_>, _>>()?;
-        logical.check_validation()?;
-        let gpu = Gpu { timeline, uploader, resident, rays: None, slots, busy: Vec::new() };
-        Ok(Self { depth: scene.depth(), shared, gpu: Some(gpu) })
+        let image = scene.image();
+        let gpu = Gpu {
+            // First, so that a scene that does not fit is what is named.
+            resident: Resident::new(logical, &image)?,
+            timeline: Timeline::new(logical)?,
+            uploader: Uploader::new(logical)?,
+            rays: None,
+            slots: (0..=IN_FLIGHT).map(|_| Slot::new(logical, shared.layout())).collect::<Result<_, _>>()?,
+            busy: Vec::new(),
+        };
+        // From here on dropping it waits for the device.
+        let mut board = Self { trees: scene.trees(), shared, gpu: Some(gpu) };
+        board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
+        board.shared.logical.check_validation()?;
+        Ok(board)
     }
 
-    fn gpu(&mut self) -> Result<&mut Gpu, DeviceError> {
+    /// Does something on the device; once that is lost or hangs, nothing any more.
+    fn on_gpu<T>(&mut self, work: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
-        self.gpu.as_mut().ok_or_else(lost)
+        let result = work(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
+        match result.as_ref().map_err(DeviceError::kind) {
+            // There is no point in waiting longer.
+            Err(DeviceErrorKind::Hung) => self.leave(Duration::ZERO),
+            Err(DeviceErrorKind::Lost) => self.leave(DROP_LIMIT),
+            _ => {}
+        }
+        result
+    }
+
+    /// Frees what the device holds when it is done with it, or leaves it behind after `limit`.
+    fn leave(&mut self, limit: Duration) {
+        if let Some(gpu) = self.gpu.take()
+            && !gpu.timeline.idle(limit)
+        {
+            self.shared.abandoned.add(gpu);
+        }
     }
 }
 
@@ -63,52 +88,73 @@ impl Board for VulkanBoard {
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        let gpu = self.gpu()?;
-        // First, so that there need not be room for both.
-        gpu.rays = None;
-        let bytes = u64::from(count) * size_of::<KernelRay>() as u64;
-        gpu.rays = Some(Buffer::new(&shared.logical, &format!("{count} rays"), bytes, Use::Kernel)?);
-        shared.logical.check_validation()
+        self.on_gpu(|shared, gpu| {
+            // First, so that there need not be room for both.
+            gpu.rays = None;
+            let bytes = u64::from(count) * size_of::<KernelRay>() as u64;
+            gpu.rays = Some(Buffer::new(&shared.logical, &format!("{count} rays"), bytes, Use::Kernel)?);
+            shared.logical.check_validation()
+        })
     }
 
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
-        let Gpu { timeline, uploader, rays: buffer, .. } = self.gpu()?;
-        let buffer = buffer.as_ref().ok_or_else(|| invalid("no room for rays was reserved"))?;
-        uploader.send(timeline, buffer, u64::from(first) * size_of::<KernelRay>() as u64, rays)
+        self.on_gpu(|_, Gpu { timeline, uploader, rays: buffer, .. }| {
+            let buffer = buffer.as_ref().ok_or_else(|| invalid("no room for rays was reserved"))?;
+            uploader.send(timeline, buffer, u64::from(first) * size_of::<KernelRay>() as u64, rays)
+        })
     }
 
     fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
-        let pipeline = self.shared.pipeline(purpose, self.depth)?;
-        let Gpu { timeline, resident, rays, slots, busy, .. } = self.gpu()?;
-        let rays = rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
-        let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
-        let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
-        let value = slots[index].start(resident, rays, pipeline, items, purpose.counts(), timeline)?;
-        busy.push((Flight(value), index, items.len()));
-        Ok(Flight(value))
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        self.on_gpu(|_, Gpu { timeline, resident, rays, slots, busy, .. }| {
+            let rays = rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
+            let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
+            let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
+            let value = slots[index].start(resident, rays, pipeline, items, purpose.counts(), timeline)?;
+            busy.push((Flight(value), index, items.len()));
+            Ok(Flight(value))
+        })
     }
 
     fn wait(&mut self, flight: Flight, limit: Duration, read: &mut dyn FnMut(Answer<'_>)) -> Result<(), DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        let gpu = self.gpu()?;
-        gpu.timeline.wait(flight.0, limit)?;
-        shared.logical.check_validation()?;
-        let known = gpu.busy.iter().position(|(busy, ..)| *busy == flight);
-        let (_, index, items) = gpu.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
-        let slot = &gpu.slots[index];
-        read(Answer { found: slot.found(items), counts: slot.counts(), in_kernel: slot.in_kernel() });
-        Ok(())
+        self.on_gpu(|shared, gpu| {
+            gpu.timeline.wait(flight.0, limit)?;
+            shared.logical.check_validation()?;
+            let known = gpu.busy.iter().position(|(busy, ..)| *busy == flight);
+            let (_, index, items) = gpu.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
+            let slot = &gpu.slots[index];
+            read(Answer { found: slot.found(items), counts: slot.counts(), in_kernel: slot.in_kernel() });
+            Ok(())
+        })
     }
 }
 
 impl Drop for VulkanBoard {
     fn drop(&mut self) {
-        if let Some(gpu) = self.gpu.take()
-            && !gpu.timeline.idle(DROP_LIMIT)
-        {
-            // The device may still write to the buffers: better lost than freed.
-            std::mem::forget(gpu);
-        }
+        self.leave(DROP_LIMIT);
+    }
+}
+
+/// What a device may still write to though nobody waits for it any more: freed when it no longer does, or never.
+#[derive(Debug, Default)]
+pub(crate) struct Abandoned(Mutex<Vec<Gpu>>);
+
+impl Abandoned {
+    fn add(&self, gpu: Gpu) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(gpu);
+    }
+
+    /// Frees what the device is done with.
+    fn sweep(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).retain(|gpu| !gpu.timeline.idle(Duration::ZERO));
+    }
+}
+
+impl Drop for Abandoned {
+    fn drop(&mut self) {
+        self.sweep();
+        // Better lost than freed. What is lost holds the device, which so stays open.
+        std::mem::take(self.0.get_mut().unwrap_or_else(PoisonError::into_inner)).into_iter().for_each(std::mem::forget);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::error::failed;
 use crate::logical::Logical;
+use crate::memory::{Claim, does_not_fit};
 use ash::vk;
 use bytemuck::{AnyBitPattern, NoUninit};
 use rt_core::{DeviceError, DeviceErrorKind};
@@ -52,6 +53,8 @@ pub(crate) struct Buffer {
     size: u64,
     /// Where the host sees it.
     mapped: Option<NonNull<u8>>,
+    /// Given back after the memory itself, which `Drop` frees.
+    claim: Option<Claim>,
 }
 
 // SAFETY: `mapped` points to memory that this buffer alone owns, reached through `&self` only for reading.
@@ -79,23 +82,24 @@ impl Buffer {
         // SAFETY: the device is alive and `info` is complete.
         let raw = unsafe { logical.raw().create_buffer(&info, None) }.map_err(failed("create a buffer"))?;
         // From here on dropping it cleans up; null memory may be freed.
-        let mut buffer =
-            Self { logical: Arc::clone(logical), raw, memory: vk::DeviceMemory::null(), size, mapped: None };
+        let mut buffer = Self {
+            logical: Arc::clone(logical),
+            raw,
+            memory: vk::DeviceMemory::null(),
+            size,
+            mapped: None,
+            claim: None,
+        };
         // SAFETY: the buffer is of this device.
         let needs = unsafe { logical.raw().get_buffer_memory_requirements(raw) };
-        let memory_type = logical.memory_type(needs.memory_type_bits, &purpose.wishes()).ok_or_else(|| {
+        let memory_type = logical.memory.kind(needs.memory_type_bits, &purpose.wishes()).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("the device has no memory for {what}"))
         })?;
+        buffer.claim = Some(logical.memory.claim(what, needs.size, memory_type)?);
         let info = vk::MemoryAllocateInfo::default().allocation_size(needs.size).memory_type_index(memory_type);
         // SAFETY: the memory type is one that the device named.
-        buffer.memory = unsafe { logical.raw().allocate_memory(&info, None) }.map_err(|source| {
-            let available = logical.heap_size(memory_type);
-            DeviceError::new(
-                DeviceErrorKind::OutOfMemory,
-                format!("{what} of {} bytes does not fit into device memory of {available} bytes", needs.size),
-            )
-            .with_source(source)
-        })?;
+        buffer.memory = unsafe { logical.raw().allocate_memory(&info, None) }
+            .map_err(|source| does_not_fit(what, needs.size, logical.memory.left(memory_type)).with_source(source))?;
         // SAFETY: both are of this device, new, and the memory is as large as was asked for.
         unsafe { logical.raw().bind_buffer_memory(raw, buffer.memory, 0) }.map_err(failed("bind memory"))?;
         if purpose != Use::Kernel {

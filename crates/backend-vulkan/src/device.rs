@@ -1,36 +1,43 @@
 //! Finding and opening devices.
 
 use crate::arithmetic;
-use crate::board::VulkanBoard;
+use crate::board::{Abandoned, VulkanBoard};
 use crate::buffer::{Buffer, Use};
-use crate::commands::Commands;
+use crate::commands::{Commands, Recorder};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
-use crate::pipeline::{BUFFERS, Layout, Pipeline};
+use crate::pipeline::{self, BUFFERS, Pipeline};
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{GpuTracer, IN_FLIGHT, Tally};
-use rt_shaders::Purpose;
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
-const LEAST_LLVMPIPE: u32 = 25;
-
 /// How to open devices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Whether the validation layer checks every call. What it objects to becomes an error of kind
-    /// [`DeviceErrorKind::Lost`] of the next launch that is waited for.
+    /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
+    /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
+    /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
+    /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
+    pub memory: Option<u64>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
+    /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
+    pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
 }
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
     #[must_use]
     pub fn from_env() -> Self {
-        Self { validation: std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1") }
+        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
+        Self { validation, ..Self::default() }
     }
 }
 
@@ -38,16 +45,20 @@ impl Options {
 #[derive(Debug)]
 pub struct VulkanDevice {
     info: DeviceInfo,
-    driver: String,
-    software: bool,
+    card: Card,
+    layouts: Layouts,
     shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
 #[derive(Debug)]
 pub(crate) struct Shared {
-    pipelines: Mutex<HashMap<(Purpose, u32), Arc<Pipeline>>>,
-    layout: Arc<Layout>,
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    layout: Arc<pipeline::Layout>,
+    /// Runs in place of every kernel that traces, where a test wants it to.
+    instead: Option<Purpose>,
+    kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
 }
@@ -64,21 +75,28 @@ impl VulkanDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical)).collect())
+        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options)).collect())
     }
 
-    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
-        let Description { name, driver, version, is_llvmpipe, is_software, has_api, has_timelines, buffers } =
-            instance.describe(physical);
+    fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {
+        let Description {
+            name,
+            driver,
+            version,
+            is_llvmpipe,
+            is_software,
+            model,
+            slot,
+            has_api,
+            has_timelines,
+            buffers,
+        } = instance.describe(physical);
         let refuse = |reason: String| OpenError::Refused { name: name.clone(), reason };
         if !has_api {
             return Err(refuse("its driver is older than Vulkan 1.2".to_owned()));
         }
-        if is_llvmpipe && mesa_version(&version) < Some(LEAST_LLVMPIPE) {
-            return Err(refuse(format!(
-                "its driver, {version:?}, ends long loops early and gives wrong hits: install Mesa {LEAST_LLVMPIPE} or \
-                 later"
-            )));
+        if is_llvmpipe && let Some(fault) = fault_of_llvmpipe(&version) {
+            return Err(refuse(fault));
         }
         if !has_timelines {
             return Err(refuse("it has no timeline semaphores".to_owned()));
@@ -86,35 +104,57 @@ impl VulkanDevice {
         if (buffers as usize) < BUFFERS {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
-        let logical = Arc::new(Logical::new(Arc::clone(instance), physical)?);
-        let layout = Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
+        let logical = Arc::new(Logical::new(Arc::clone(instance), physical, options)?);
+        let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
         let info = DeviceInfo {
             name: name.clone(),
             backend: "vulkan",
             // Vulkan does not tell.
             units: 1,
             in_flight: IN_FLIGHT,
-            memory: logical.memory(),
+            memory: logical.memory.size(),
         };
-        let shared = Shared { pipelines: Mutex::default(), layout: Arc::new(layout), logical, tally: Arc::default() };
+        let card = Card {
+            name: name.clone(),
+            driver: format!("{driver} {version}"),
+            software: is_software,
+            model,
+            slot,
+            binding: logical.limits.binding,
+            kernels: "SPIR-V, unchecked",
+        };
+        let instead = match options.trouble {
+            Some(Trouble::Kernel(purpose)) => Some(purpose),
+            _ => None,
+        };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            layout: Arc::new(layout),
+            instead,
+            kernels: options.kernels,
+            abandoned: Abandoned::default(),
+            logical,
+            tally: Arc::default(),
+        };
         match arithmetic::check(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        Ok(Self { info, driver: format!("{driver} {version}"), software: is_software, shared: Arc::new(shared) })
+        let layouts = options.layouts.unwrap_or(Layouts::usual(is_software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
     }
 
-    /// The driver's name and version.
+    /// The layouts in which it holds scenes.
     #[must_use]
-    pub fn driver(&self) -> &str {
-        &self.driver
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
     }
 
-    /// Whether it is a processor in the guise of a graphics card.
+    /// What the device promises of the kernels' arithmetic, and they ask it for.
     #[must_use]
-    pub const fn is_software(&self) -> bool {
-        self.software
+    pub fn float_controls(&self) -> FloatControls {
+        self.shared.logical.limits.float_controls
     }
 
     /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
@@ -123,25 +163,33 @@ impl VulkanDevice {
     /// # Errors
     /// What the layer said. Devices that were enumerated together share its messages.
     pub fn provoke_validation(&self) -> Result<(), DeviceError> {
-        let logical = &self.shared.logical;
-        let [from, to] = [Use::Download, Use::Upload].map(|purpose| Buffer::new(logical, "a word", 4, purpose));
-        let (from, to) = (from?, to?);
         // The wrong way round: neither buffer was made for it.
-        Commands::new(logical)?.record(|record| record.copy(&from, &to, 0, 4))?;
+        self.provoke([Use::Download, Use::Upload], |record, from, to| record.copy(from, to, 0, 4))
+    }
+
+    /// Records two copies to one place, the second of which does not wait for the first, and never runs them: an error
+    /// where the validation layer looks at synchronisation too.
+    ///
+    /// # Errors
+    /// As for [`VulkanDevice::provoke_validation`].
+    pub fn provoke_race(&self) -> Result<(), DeviceError> {
+        self.provoke([Use::Kernel, Use::Kernel], |record, from, to| {
+            record.copy(from, to, 0, 4);
+            record.copy(from, to, 0, 4);
+        })
+    }
+
+    fn provoke(
+        &self,
+        purposes: [Use; 2],
+        steps: impl FnOnce(&Recorder<'_>, &Buffer, &Buffer),
+    ) -> Result<(), DeviceError> {
+        let logical = &self.shared.logical;
+        let [from, to] = purposes.map(|purpose| Buffer::new(logical, "a word", 4, purpose));
+        let (from, to) = (from?, to?);
+        Commands::new(logical)?.record(|record| steps(record, &from, &to))?;
         logical.check_validation()
     }
-
-    /// What the device's tracers have done so far.
-    #[must_use]
-    pub fn tally(&self) -> &Tally {
-        &self.shared.tally
-    }
-}
-
-/// The first number in Mesa's version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`.
-fn mesa_version(info: &str) -> Option<u32> {
-    let digits = info.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty())?;
-    digits.parse().ok()
 }
 
 impl Device for VulkanDevice {
@@ -150,40 +198,45 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
         let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
 
+impl GpuDevice for VulkanDevice {
+    fn card(&self) -> &Card {
+        &self.card
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
+    }
+}
+
 impl Shared {
-    /// The kernel for a purpose and a scene's depth; compiled once.
-    pub(crate) fn pipeline(&self, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = rt_shaders::kernel(purpose, depth).ok_or_else(|| {
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.instead {
+            Some(instead) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
             DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
         })?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (kernel.purpose, kernel.stack);
+        let key = (layout, purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel)?);
+        let own = || kernel.spirv_with(self.logical.limits.float_controls);
+        let code = self.kernels.map_or_else(own, |replace| replace(kernel));
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &code)?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
     }
 
-    pub(crate) const fn layout(&self) -> &Arc<Layout> {
+    pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {
         &self.layout
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn old_software_rasterisers_are_known_by_their_driver_info() {
-        assert_eq!(mesa_version("Mesa 22.3.6 (LLVM 15.0.6)"), Some(22));
-        assert_eq!(mesa_version("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
-        assert!(mesa_version("") < Some(LEAST_LLVMPIPE) && mesa_version("Mesa 22.3.6") < Some(LEAST_LLVMPIPE));
     }
 }

@@ -2,8 +2,9 @@
 
 use crate::error::{OpenError, VALIDATION, opening};
 use ash::vk;
+use rt_shaders::FloatControls;
 use std::borrow::Cow;
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CStr, CString, c_char, c_void};
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
 
@@ -21,11 +22,22 @@ pub(crate) struct Description {
     pub is_llvmpipe: bool,
     /// Whether it is a processor.
     pub is_software: bool,
+    /// PCI's numbers of its maker and its model, and where it sits.
+    pub model: [u32; 2],
+    pub slot: Option<String>,
     /// Whether it knows the version of Vulkan that we need.
     pub has_api: bool,
     pub has_timelines: bool,
     /// Greatest number of storage buffers that a kernel may use.
     pub buffers: u32,
+}
+
+/// What a device can do that we use where it is there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Abilities {
+    pub float_controls: FloatControls,
+    /// Whether the driver says how much memory other programs leave.
+    pub knows_budget: bool,
 }
 
 /// Messages of the validation layer. Behind a pointer that the driver holds, hence never moved.
@@ -62,7 +74,7 @@ impl Instance {
             return Err(OpenError::NoValidation);
         }
         let layers: Vec<_> = validate.then_some(layer.as_ptr()).into_iter().collect();
-        let extensions: Vec<_> = validate.then_some(ash::ext::debug_utils::NAME.as_ptr()).into_iter().collect();
+        let extensions = if validate { layer_extensions(&entry, &layer)? } else { Vec::new() };
         let application = vk::ApplicationInfo::default().application_name(c"raybalance").api_version(API);
         let wanted = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
         let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&wanted);
@@ -100,7 +112,14 @@ impl Instance {
     /// What the driver says of a device of this instance.
     pub(crate) fn describe(&self, physical: vk::PhysicalDevice) -> Description {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
+        let mut place = vk::PhysicalDevicePCIBusInfoPropertiesEXT::default();
+        // SAFETY: the instance is alive, and `physical` is of it.
+        let extensions = unsafe { self.raw.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        let tells_place = extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(ash::ext::pci_bus_info::NAME));
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
+        if tells_place {
+            properties = properties.push_next(&mut place);
+        }
         // SAFETY: `physical` is of this instance, and the structures are those that the call fills.
         unsafe { self.raw.get_physical_device_properties2(physical, &mut properties) };
         let properties = properties.properties;
@@ -115,10 +134,34 @@ impl Instance {
             version: text(driver.driver_info_as_c_str().ok()),
             is_llvmpipe: driver.driver_id == vk::DriverId::MESA_LLVMPIPE,
             is_software: properties.device_type == vk::PhysicalDeviceType::CPU,
+            model: [properties.vendor_id, properties.device_id],
+            slot: tells_place.then(|| {
+                let [domain, bus] = [place.pci_domain, place.pci_bus];
+                format!("{domain:04x}:{bus:02x}:{:02x}.{:x}", place.pci_device, place.pci_function)
+            }),
             has_api: properties.api_version >= API,
             has_timelines: timeline.timeline_semaphore == vk::TRUE,
             buffers: properties.limits.max_per_stage_descriptor_storage_buffers,
         }
+    }
+
+    /// What a device of this instance, which knows our version of Vulkan, can do beyond what we need.
+    pub(crate) fn abilities(&self, physical: vk::PhysicalDevice) -> Result<Abilities, OpenError> {
+        let mut controls = vk::PhysicalDeviceFloatControlsProperties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut controls);
+        // SAFETY: `physical` is of this instance, and the structures are those that the call fills.
+        unsafe { self.raw.get_physical_device_properties2(physical, &mut properties) };
+        // SAFETY: `physical` is of this instance.
+        let extensions = unsafe { self.raw.enumerate_device_extension_properties(physical) };
+        let extensions = extensions.map_err(opening("list a device's extensions"))?;
+        Ok(Abilities {
+            float_controls: FloatControls {
+                signed_zero_inf_nan: controls.shader_signed_zero_inf_nan_preserve_float32 == vk::TRUE,
+                denormals: controls.shader_denorm_preserve_float32 == vk::TRUE,
+                round_to_nearest: controls.shader_rounding_mode_rte_float32 == vk::TRUE,
+            },
+            knows_budget: has_extension(&extensions, ash::ext::memory_budget::NAME),
+        })
     }
 
     /// What the validation layer said since the last call.
@@ -138,6 +181,21 @@ impl Drop for Instance {
         // SAFETY: everything made from the instance held it and is gone.
         unsafe { self.raw.destroy_instance(None) };
     }
+}
+
+/// The extensions that we use of the validation layer: to hear it, and to choose what it looks at. Without the latter it
+/// is left to its own choice, which tests find out.
+fn layer_extensions(entry: &ash::Entry, layer: &CStr) -> Result<Vec<*const c_char>, OpenError> {
+    // SAFETY: the loader is loaded and has the layer.
+    let found = unsafe { entry.enumerate_instance_extension_properties(Some(layer)) };
+    let found = found.map_err(opening("list its layer's extensions"))?;
+    let choice = ash::ext::validation_features::NAME;
+    let choice = has_extension(&found, choice).then_some(choice.as_ptr());
+    Ok(std::iter::once(ash::ext::debug_utils::NAME.as_ptr()).chain(choice).collect())
+}
+
+fn has_extension(list: &[vk::ExtensionProperties], wanted: &CStr) -> bool {
+    list.iter().any(|extension| extension.extension_name_as_c_str() == Ok(wanted))
 }
 
 fn has_layer(entry: &ash::Entry, wanted: &CStr) -> Result<bool, OpenError> {

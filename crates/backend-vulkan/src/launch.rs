@@ -91,7 +91,7 @@ impl Slot {
         let Self { commands, bindings, room, .. } = self;
         room.upload.write(0, &[count]);
         room.upload.write(WORD as usize, items);
-        let Resident([nodes, triangles, primitives, frame]) = scene;
+        let [nodes, triangles, primitives, frame] = scene.bindings(pipeline.tree());
         bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
         commands.record(|to| {
             // The launch before this one may still be running: its kernel must not be timed with ours.
@@ -110,6 +110,7 @@ impl Slot {
         })?;
         self.counted = counts as usize;
         self.pipeline = Some(pipeline);
+        self.logical.count_launch();
         timeline.submit(self.commands.raw())
     }
 

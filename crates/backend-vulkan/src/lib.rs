@@ -7,7 +7,7 @@
 //!
 //! # Current state and limits
 //!
-//! * One kernel over the two-wide layout, single rays, for [`rt_core::Precision::Robust`]. The other precisions are
+//! * Two layouts, of which [`Options`] choose, with one kernel each: single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
 //! * Rays are prepared on the host and uploaded, camera rays too.
 //! * Rays that start so close to a second triangle in the plane of their own that its side is lost in rounding, about
@@ -27,10 +27,12 @@ mod error;
 mod instance;
 mod launch;
 mod logical;
+mod memory;
 mod pipeline;
 mod timeline;
 mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::Tally;
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble};
+pub use rt_shaders::{FloatControls, Purpose};

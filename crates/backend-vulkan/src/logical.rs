@@ -1,10 +1,15 @@
 //! The opened (Vulkan: logical) device, its queue and its limits.
 
+use crate::device::Options;
 use crate::error::{OpenError, failed, opening};
-use crate::instance::Instance;
+use crate::instance::{Abilities, Instance};
+use crate::memory::Memory;
 use ash::vk;
 use rt_core::{DeviceError, DeviceErrorKind};
+use rt_gpu::Trouble;
+use rt_shaders::FloatControls;
 use std::fmt;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the driver says of a device, as far as we ask.
@@ -14,6 +19,10 @@ pub(crate) struct Limits {
     pub binding: u64,
     /// Greatest number of workgroups along each of the first two axes of a dispatch.
     pub groups: [u32; 2],
+    /// Greatest number of invocations in a workgroup.
+    pub workgroup: u32,
+    /// What kernels may ask of arithmetic.
+    pub float_controls: FloatControls,
     /// Nanoseconds of one tick of a timestamp.
     pub tick: f64,
     /// Bits of a timestamp that count; 0 where there are none.
@@ -25,11 +34,16 @@ pub(crate) struct Logical {
     instance: Arc<Instance>,
     raw: ash::Device,
     physical: vk::PhysicalDevice,
-    memory: vk::PhysicalDeviceMemoryProperties,
+    pub memory: Arc<Memory>,
     /// Vulkan wants calls on a queue one at a time.
     queue: Mutex<vk::Queue>,
     family: u32,
     pub limits: Limits,
+    /// Whether the driver gave the device up, or a test did.
+    lost: AtomicBool,
+    /// Launches so far, and the one at which a test gives the device up.
+    launches: AtomicU32,
+    lost_at: Option<u32>,
 }
 
 impl fmt::Debug for Logical {
@@ -43,12 +57,15 @@ impl fmt::Debug for Logical {
 
 impl Logical {
     /// Opens `physical` with one queue that can compute.
-    pub(crate) fn new(instance: Arc<Instance>, physical: vk::PhysicalDevice) -> Result<Self, OpenError> {
+    pub(crate) fn new(
+        instance: Arc<Instance>,
+        physical: vk::PhysicalDevice,
+        options: Options,
+    ) -> Result<Self, OpenError> {
+        let Abilities { float_controls, knows_budget } = instance.abilities(physical)?;
         let functions = instance.raw();
         // SAFETY: `physical` is of this instance.
         let limits = unsafe { functions.get_physical_device_properties(physical) }.limits;
-        // SAFETY: likewise.
-        let memory = unsafe { functions.get_physical_device_memory_properties(physical) };
         // SAFETY: likewise.
         let families = unsafe { functions.get_physical_device_queue_family_properties(physical) };
         let family = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
@@ -70,8 +87,25 @@ impl Logical {
             groups: [limits.max_compute_work_group_count[0], limits.max_compute_work_group_count[1]],
             tick: f64::from(limits.timestamp_period),
             timestamp_bits,
+            workgroup: limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]),
+            float_controls,
         };
-        Ok(Self { instance, raw, physical, memory, queue: Mutex::new(queue), family, limits })
+        let memory = Memory::new(Arc::clone(&instance), physical, options.memory, knows_budget);
+        Ok(Self {
+            instance,
+            raw,
+            physical,
+            memory: Arc::new(memory),
+            queue: Mutex::new(queue),
+            family,
+            limits,
+            lost: AtomicBool::default(),
+            launches: AtomicU32::default(),
+            lost_at: match options.trouble {
+                Some(Trouble::LostAtLaunch(launch)) => Some(launch),
+                _ => None,
+            },
+        })
     }
 
     pub(crate) const fn raw(&self) -> &ash::Device {
@@ -85,34 +119,33 @@ impl Logical {
 
     /// Hands work to the queue.
     pub(crate) fn submit(&self, info: &vk::SubmitInfo<'_>) -> Result<(), DeviceError> {
+        self.check_lost("take work")?;
         let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: the queue is of this device and locked; callers pass handles of this device that live until the work
         // is done.
-        unsafe { self.raw.queue_submit(*queue, std::slice::from_ref(info), vk::Fence::null()) }
-            .map_err(failed("take work"))
+        let taken = unsafe { self.raw.queue_submit(*queue, std::slice::from_ref(info), vk::Fence::null()) };
+        taken.map_err(|source| self.failed("take work", source))
     }
 
-    /// The first memory type among `allowed` (a bit each) with all of the first properties that some type has all of.
-    pub(crate) fn memory_type(&self, allowed: u32, wishes: &[vk::MemoryPropertyFlags]) -> Option<u32> {
-        let types = self.memory.memory_types_as_slice();
-        let fits = |wish: vk::MemoryPropertyFlags| {
-            (0..types.len())
-                .find(|&i| allowed >> i & 1 == 1 && types[i].property_flags.contains(wish))
-                .and_then(|i| u32::try_from(i).ok())
-        };
-        wishes.iter().find_map(|&wish| fits(wish))
+    /// The error for a call that failed; remembers when the device is lost.
+    pub(crate) fn failed(&self, task: &'static str, source: vk::Result) -> DeviceError {
+        if source == vk::Result::ERROR_DEVICE_LOST {
+            self.lost.store(true, Ordering::Relaxed);
+        }
+        failed(task)(source)
     }
 
-    /// Bytes of the heap of a memory type.
-    pub(crate) fn heap_size(&self, memory_type: u32) -> u64 {
-        let heap = self.memory.memory_types_as_slice().get(memory_type as usize).map_or(0, |t| t.heap_index);
-        self.memory.memory_heaps_as_slice().get(heap as usize).map_or(0, |heap| heap.size)
+    /// The error that every call gives once the device is lost.
+    pub(crate) fn check_lost(&self, task: &'static str) -> Result<(), DeviceError> {
+        let lost = self.lost.load(Ordering::Relaxed);
+        if lost { Err(failed(task)(vk::Result::ERROR_DEVICE_LOST)) } else { Ok(()) }
     }
 
-    /// Bytes of the largest heap of the device's own memory.
-    pub(crate) fn memory(&self) -> Option<u64> {
-        let heaps = self.memory.memory_heaps_as_slice().iter();
-        heaps.filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL)).map(|h| h.size).max()
+    /// To be called before each launch: the one that a test has chosen finds the device lost.
+    pub(crate) fn count_launch(&self) {
+        if self.lost_at == Some(self.launches.fetch_add(1, Ordering::Relaxed)) {
+            self.lost.store(true, Ordering::Relaxed);
+        }
     }
 
     /// An error if the validation layer had something to say.

@@ -63,6 +63,7 @@ pub(crate) struct Pipeline {
     layout: Arc<Layout>,
     raw: vk::Pipeline,
     workgroup: u32,
+    tree: rt_shaders::Layout,
 }
 
 impl fmt::Debug for Pipeline {
@@ -72,7 +73,8 @@ impl fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel) -> Result<Self, DeviceError> {
+    /// Compiles `code`, the kernel's or one in its place.
+    pub(crate) fn new(layout: &Arc<Layout>, kernel: &Kernel, code: &[u32]) -> Result<Self, DeviceError> {
         let device = layout.logical.raw();
         let refused = |source: vk::Result| {
             let kind = match source {
@@ -85,9 +87,16 @@ impl Pipeline {
             let what = format!("the Vulkan driver cannot compile the kernel {:?}: {source}", kernel.purpose);
             DeviceError::new(kind, what).with_source(source)
         };
-        let code = kernel.spirv();
-        let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: the code is valid SPIR-V: naga checked it.
+        let (workgroup, most) = (kernel.workgroup.iter().product(), layout.logical.limits.workgroup);
+        if workgroup > most {
+            // Drivers need not notice.
+            let what =
+                format!("the kernel {:?} has workgroups of {workgroup}, and the device takes {most}", kernel.purpose);
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, what));
+        }
+        let info = vk::ShaderModuleCreateInfo::default().code(code);
+        // SAFETY: the code is valid SPIR-V, which naga checked, or the test that put it in the kernel's place; and asks
+        // for nothing that the device lacks.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(refused)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
@@ -102,7 +111,7 @@ impl Pipeline {
             Ok(pipelines) => pipelines[0],
             Err((_, source)) => return Err(refused(source)),
         };
-        Ok(Self { layout: Arc::clone(layout), raw, workgroup: kernel.workgroup.iter().product() })
+        Ok(Self { layout: Arc::clone(layout), raw, workgroup, tree: kernel.layout })
     }
 
     pub(crate) const fn raw(&self) -> vk::Pipeline {
@@ -111,6 +120,11 @@ impl Pipeline {
 
     pub(crate) fn layout(&self) -> vk::PipelineLayout {
         self.layout.pipeline
+    }
+
+    /// The layout of the tree it walks.
+    pub(crate) const fn tree(&self) -> rt_shaders::Layout {
+        self.tree
     }
 
     /// Invocations in a workgroup.

@@ -3,7 +3,7 @@
 use crate::error::failed;
 use crate::logical::Logical;
 use ash::vk;
-use rt_core::DeviceError;
+use rt_core::{DeviceError, DeviceErrorKind};
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
@@ -46,16 +46,28 @@ impl Timeline {
 
     /// Waits until launch `value` is done, at most `limit`.
     pub(crate) fn wait(&self, value: u64, limit: Duration) -> Result<(), DeviceError> {
+        self.logical.check_lost("finish a launch")?;
+        self.wait_for(value, limit).map_err(|source| match source {
+            vk::Result::TIMEOUT => {
+                DeviceError::new(DeviceErrorKind::Hung, format!("a Vulkan launch was not done within {limit:?}"))
+            }
+            source => self.logical.failed("finish a launch", source),
+        })
+    }
+
+    /// Waits until everything that was submitted is done, at most `limit`; says whether it is. What a lost device had to
+    /// do is done: it does nothing any more.
+    pub(crate) fn idle(&self, limit: Duration) -> bool {
+        self.submitted == 0
+            || matches!(self.wait_for(self.submitted, limit), Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST))
+    }
+
+    fn wait_for(&self, value: u64, limit: Duration) -> Result<(), vk::Result> {
         let (values, semaphores) = ([value], [self.raw]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let nanoseconds = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
         // SAFETY: the semaphore is of this device.
-        unsafe { self.logical.raw().wait_semaphores(&info, nanoseconds) }.map_err(failed("finish a launch in time"))
-    }
-
-    /// Waits until everything that was submitted is done, at most `limit`; says whether it is.
-    pub(crate) fn idle(&self, limit: Duration) -> bool {
-        self.submitted == 0 || self.wait(self.submitted, limit).is_ok()
+        unsafe { self.logical.raw().wait_semaphores(&info, nanoseconds) }
     }
 }
 

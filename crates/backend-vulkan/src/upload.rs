@@ -6,7 +6,7 @@ use crate::logical::Logical;
 use crate::timeline::Timeline;
 use bytemuck::NoUninit;
 use rt_core::DeviceError;
-use rt_gpu::{PATIENCE, SceneImage};
+use rt_gpu::{Layout, PATIENCE, SceneImage};
 use std::sync::Arc;
 
 /// Bytes copied to the device at once: large enough for the bus, small beside any scene that is worth a GPU.
@@ -48,23 +48,44 @@ impl Uploader {
     }
 }
 
-/// A scene on the device: the buffers of [`SceneImage::buffers`], in their order.
+/// A scene on the device.
 #[derive(Debug)]
-pub(crate) struct Resident(pub [Buffer; 4]);
+pub(crate) struct Resident {
+    /// Those of [`SceneImage::buffers`], in their order.
+    buffers: [Buffer; 4],
+    /// The wide tree; without one a word.
+    wide: Buffer,
+}
 
 impl Resident {
-    pub(crate) fn new(
-        logical: &Arc<Logical>,
+    /// Room for a scene.
+    pub(crate) fn new(logical: &Arc<Logical>, image: &SceneImage<'_>) -> Result<Self, DeviceError> {
+        logical.memory.check("the scene", image.bytes())?;
+        let room = |(what, bytes): (&str, &[u8])| Buffer::new(logical, what, bytes.len() as u64, Use::Kernel);
+        let [nodes, triangles, primitives, frame] = image.buffers();
+        let buffers = [room(nodes)?, room(triangles)?, room(primitives)?, room(frame)?];
+        Ok(Self { buffers, wide: room(image.wide())? })
+    }
+
+    /// Copies the scene that there is room for.
+    pub(crate) fn fill(
+        &self,
         uploader: &mut Uploader,
         timeline: &mut Timeline,
         image: &SceneImage<'_>,
-    ) -> Result<Self, DeviceError> {
-        let mut upload = |(what, bytes): (&str, &[u8])| -> Result<Buffer, DeviceError> {
-            let buffer = Buffer::new(logical, what, bytes.len() as u64, Use::Kernel)?;
-            uploader.send(timeline, &buffer, 0, bytes)?;
-            Ok(buffer)
+    ) -> Result<(), DeviceError> {
+        let mut pairs = self.buffers.iter().zip(image.buffers());
+        pairs.try_for_each(|(buffer, (_, bytes))| uploader.send(timeline, buffer, 0, bytes))?;
+        uploader.send(timeline, &self.wide, 0, image.wide().1)
+    }
+
+    /// What kernels over a layout find at bindings 0 to 3.
+    pub(crate) const fn bindings(&self, layout: Layout) -> [&Buffer; 4] {
+        let [two, triangles, primitives, frame] = &self.buffers;
+        let tree = match layout {
+            Layout::Two => two,
+            Layout::Wide => &self.wide,
         };
-        let [nodes, triangles, primitives, frame] = image.buffers();
-        Ok(Self([upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?]))
+        [tree, triangles, primitives, frame]
     }
 }

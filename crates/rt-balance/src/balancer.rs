@@ -8,7 +8,7 @@ use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::run;
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
-use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts};
+use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Traffic};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -43,6 +43,7 @@ impl Balancer {
                     models: Models::default(),
                     failure: None,
                     buffers: Launch::default(),
+                    before: Traffic::default(),
                 }),
                 Err(source) => Err(BalanceError::Open { device: info.name, source }),
             }
@@ -119,6 +120,7 @@ impl Balancer {
 
         let begin = clock::now();
         let outputs = Mutex::new(Outputs { hits, counts });
+        self.members.iter_mut().for_each(Member::begin);
         self.load(stream)?;
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
         let key = Key::of(&*scheduling.estimator, stream.kind);

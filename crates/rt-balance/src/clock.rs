@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 static ORIGIN: OnceLock<Instant> = OnceLock::new();
 
 /// Time since the first call in this process.
-pub(crate) fn now() -> Duration {
+#[must_use]
+pub fn now() -> Duration {
     ORIGIN.get_or_init(Instant::now).elapsed()
 }

@@ -22,7 +22,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Features: each of `cpu` (default) and `vulkan` adds one re-export of a backend and nothing else. Any other backend that
+//! Features: each of `cpu` (default), `vulkan` and `wgpu` adds one re-export of a backend and nothing else. Any other backend that
 //! implements [`Device`] and [`Tracer`] can be used beside them.
 //!
 //! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
@@ -46,6 +46,7 @@ pub mod stats;
 mod stream;
 
 pub use balancer::Balancer;
+pub use clock::now as clock;
 pub use error::BalanceError;
 pub use reference::Reference;
 pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
@@ -57,6 +58,10 @@ pub use backend_cpu as cpu;
 /// Graphics cards through Vulkan (feature `vulkan`).
 #[cfg(feature = "vulkan")]
 pub use backend_vulkan as vulkan;
+
+/// Graphics cards through wgpu (feature `wgpu`).
+#[cfg(feature = "wgpu")]
+pub use backend_wgpu as wgpu;
 
 pub use rt_bvh::{BuildOptions, Built, Mesh, build};
 pub use rt_core::{

@@ -46,8 +46,11 @@ pub(crate) fn measure(
     let mut activities: Vec<Activity> = estimated.walks.iter().map(|walk| walk.activity(times.origin)).collect();
     activities.extend(ran.launches.iter().map(|launch| launch.activity(times.origin)));
 
-    let devices: Vec<DeviceReport> =
-        members.iter().enumerate().map(|(index, member)| device_report(index, member, &activities, ran)).collect();
+    let devices: Vec<DeviceReport> = members
+        .iter()
+        .enumerate()
+        .map(|(index, member)| device_report(index, member, &activities, estimated, ran))
+        .collect();
     let makespan_s = times.end.saturating_sub(times.begin).as_secs_f64();
     let estimate_s = times.planned.saturating_sub(times.begin).as_secs_f64();
     let report = StreamReport {
@@ -105,13 +108,29 @@ fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
 }
 
-fn device_report(index: usize, member: &Member, activities: &[Activity], ran: &Ran) -> DeviceReport {
+fn device_report(
+    index: usize,
+    member: &Member,
+    activities: &[Activity],
+    estimated: &Estimated,
+    ran: &Ran,
+) -> DeviceReport {
     let own = || ran.launches.iter().filter(|launch| launch.member == index);
     let spans = activities.iter().filter(|a| a.device == index).map(|a| (a.start_s, a.end_s)).collect();
+    let busy_s = union(spans);
+    let walks = estimated.walks.iter().filter(|walk| walk.member == index).map(|walk| walk.span);
+    // Kernels of one device run one after the other.
+    let kernel_s: f64 = walks.chain(own().map(|launch| launch.span)).map(|span| span.in_kernel.as_secs_f64()).sum();
+    let traffic = member.traffic();
     DeviceReport {
         name: member.info.name.clone(),
         backend: member.info.backend.to_owned(),
-        busy_s: union(spans),
+        busy_s,
+        // Rounding may take it above.
+        kernel_share: (busy_s > 0.0).then(|| (kernel_s / busy_s).min(1.0)),
+        on_host: traffic.map(|traffic| traffic.on_host),
+        uploaded_bytes: traffic.map(|traffic| traffic.uploaded),
+        downloaded_bytes: traffic.map(|traffic| traffic.downloaded),
         launches: own().count() as u32,
         tasks: own().map(|launch| launch.outcomes.len() as u32).sum(),
         rays: own().map(|launch| u64::from(launch.rays)).sum(),

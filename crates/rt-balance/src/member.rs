@@ -2,7 +2,7 @@
 
 use crate::BalanceError;
 use crate::models::Models;
-use rt_core::{DeviceInfo, Hit, Launch, TestCounts, Tracer};
+use rt_core::{DeviceInfo, Hit, Launch, TestCounts, Tracer, Traffic};
 
 /// A device of the run.
 #[derive(Debug)]
@@ -15,6 +15,8 @@ pub(crate) struct Member {
     /// Results of the last launch, kept for their memory: a large launch would otherwise spend a twentieth of its time
     /// on fresh pages.
     pub(crate) buffers: Launch,
+    /// What went to and fro before the current stream.
+    pub(crate) before: Traffic,
 }
 
 /// The caller's slices, shared by the device threads.
@@ -25,6 +27,16 @@ pub(crate) struct Outputs<'a> {
 }
 
 impl Member {
+    /// To be called before a stream.
+    pub(crate) fn begin(&mut self) {
+        self.before = self.tracer.as_ref().map(|tracer| tracer.traffic()).unwrap_or_default();
+    }
+
+    /// What went to and fro since then; unknown of a device that failed.
+    pub(crate) fn traffic(&self) -> Option<Traffic> {
+        self.tracer.as_ref().map(|tracer| tracer.traffic().since(&self.before))
+    }
+
     /// Drops the device out of this and all later streams.
     pub(crate) fn fail(&mut self, error: &rt_core::DeviceError) {
         self.tracer = None;

@@ -57,6 +57,14 @@ pub struct DeviceReport {
     pub backend: String,
     /// Seconds spent working: the union of its spans, estimation included.
     pub busy_s: f64,
+    /// Share of `busy_s` spent inside kernels, without a unit; what is left is hand-over. `None` if it did nothing.
+    pub kernel_share: Option<f64>,
+    /// Rays that the device left to the host, estimation included; `None` if it dropped out.
+    pub on_host: Option<u64>,
+    /// Bytes of rays and lists of rays copied to the device; `None` if it dropped out.
+    pub uploaded_bytes: Option<u64>,
+    /// Bytes of hits and counts copied back; `None` if it dropped out.
+    pub downloaded_bytes: Option<u64>,
     /// Number of launches.
     pub launches: u32,
     /// Number of tasks finished.

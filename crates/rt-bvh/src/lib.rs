@@ -4,12 +4,13 @@
 //! ([`rt_core::Walk::Full`]) or without touching a triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a
 //! tree.
 //!
-//! There is one traversal loop, generic over a visitor. Hits are a function of ray and triangles alone: they do not
-//! depend on the builder, its options or the order of traversal (the module `trace` says why).
+//! There are two layouts, the scene's own two-wide tree and an eight-wide compressed one made from it ([`WideTree`],
+//! [`trace_wide`], [`count_wide`]), with one traversal loop each, generic over a visitor. Hits are a function of ray and triangles alone: they do not
+//! depend on the builder, its options, the layout or the order of traversal (the module `trace` says why).
 //!
 //! # Current state and limits
 //!
-//! * Trees are two children wide, rays are traced one at a time, in portable code without `unsafe`.
+//! * Rays are traced one at a time, in portable code without `unsafe`.
 //! * Coordinates smaller than 2⁻¹²⁶ of the largest one in the mesh are rounded to multiples of 2⁻¹⁴⁹ of it.
 //! * A ray whose origin is further away than 2¹²⁷ times the largest coordinate of the mesh misses.
 //! * Spatial splits are not made: a triangle is in exactly one leaf.
@@ -24,10 +25,12 @@ mod options;
 mod scale;
 mod stats;
 mod trace;
+mod wide;
 
 pub use build::{BuildError, BuildReport, Built, Fallback, build};
 #[cfg(feature = "obvhs")]
 pub use options::PlocQuality;
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
 pub use stats::TreeStats;
-pub use trace::{Stack, count, offload, trace};
+pub use trace::{Stack, count, count_wide, offload, trace, trace_wide};
+pub use wide::{WideError, WideNode, WideTree};

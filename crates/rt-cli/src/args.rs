@@ -31,6 +31,8 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Trace rays from a NumPy file and write the hits to another
     Trace(Box<TraceArgs>),
+    /// Measure how fast each device traces, and what reduced traversal costs beside full
+    Bench(Box<BenchArgs>),
     /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices
     Verify(VerifyArgs),
     /// Measure what a knob costs and what it buys
@@ -174,6 +176,35 @@ pub(crate) struct TraceArgs {
     /// Print the report as JSON instead of a table
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Repetitions that count; one more goes before
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) repeat: u32,
+    /// Few rays, three repetitions: to see that it works
+    #[arg(long, conflicts_with_all = ["rays", "repeat"])]
+    pub(crate) quick: bool,
+    /// Seed of bounces and random rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON, with every single measurement, instead of tables
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write that JSON to a file as well
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

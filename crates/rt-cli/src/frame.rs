@@ -112,7 +112,7 @@ const SHADE_BATCH: usize = 1 << 18;
 const SPAWN_CHUNK: u32 = 1 << 14;
 
 /// Spawns from all hits on all cores; the rays are in the order of their parents, as if spawned on one.
-fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
+pub(crate) fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
     let hits = hits as u32;
     let chunks = (0..hits.div_ceil(SPAWN_CHUNK)).into_par_iter().map(|chunk| {
         let first = chunk * SPAWN_CHUNK;

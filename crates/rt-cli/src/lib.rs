@@ -3,6 +3,7 @@
 
 mod args;
 mod balance;
+mod bench;
 pub mod chart;
 mod devices;
 mod frame;
@@ -36,6 +37,7 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Bench(args) => bench::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Devices(args) => list::devices(args.json),

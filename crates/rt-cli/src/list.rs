@@ -1,9 +1,11 @@
 //! `raybalance devices` and `raybalance scenes`.
 
+use crate::devices::{Api, Found};
 use crate::scene_source::generate;
 use crate::table::{Table, grouped};
 use anyhow::Result;
 use rt_balance::cpu::CpuDevice;
+use rt_balance::vulkan::Card;
 use rt_core::Device;
 use rt_scene::scenes;
 use serde_json::json;
@@ -16,8 +18,9 @@ struct Entry {
     /// Hardware threads of a CPU device.
     threads: Option<u32>,
     memory: Option<u64>,
-    /// The driver of a graphics device, and whether it only plays one in software.
-    driver: Option<(String, bool)>,
+    in_flight: Option<u32>,
+    /// What is said of a graphics device.
+    card: Option<Card>,
     /// Why it cannot be used.
     refused: Option<String>,
 }
@@ -32,42 +35,53 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
             name: info.name.clone(),
             backend: info.backend,
             threads: Some(info.units),
-            memory: None,
-            driver: None,
+            memory: info.memory,
+            in_flight: Some(info.in_flight),
+            card: None,
             refused: None,
         }
     };
     let mut entries: Vec<Entry> = cores.iter().map(cpu).collect();
-    // A system without Vulkan simply has no such devices.
-    let (vulkan, missing) = match crate::devices::vulkan_devices() {
-        Ok(found) => (found, None),
-        Err(error) => (Vec::new(), Some(error)),
-    };
-    entries.extend(vulkan.iter().enumerate().map(|(index, found)| vulkan_entry(index, found)));
+    let mut missing = Vec::new();
+    for api in Api::ALL {
+        match api.devices() {
+            Ok(found) => entries.extend(found.iter().enumerate().map(|(index, found)| gpu_entry(api, index, found))),
+            // A system without the API simply has no such devices.
+            Err(error) => missing.push(error),
+        }
+    }
     if as_json {
         let object = |entry: &Entry| {
-            let (driver, software) = entry.driver.clone().unzip();
+            let card = entry.card.as_ref();
             json!({
                 "device": entry.spec, "name": entry.name, "backend": entry.backend, "threads": entry.threads,
-                "memory_bytes": entry.memory, "driver": driver, "software": software, "refused": entry.refused,
+                "memory_bytes": entry.memory, "in_flight": entry.in_flight,
+                "driver": card.map(|card| &card.driver), "software": card.map(|card| card.software),
+                "binding_bytes": card.map(|card| card.binding), "kernels": card.map(|card| card.kernels),
+                "pci_model": card.map(|card| card.model), "pci_slot": card.and_then(|card| card.slot.as_ref()),
+                "refused": entry.refused,
             })
         };
         println!("{}", serde_json::to_string_pretty(&entries.iter().map(object).collect::<Vec<_>>())?);
         return Ok(());
     }
-    let mut table = Table::new(&["--devices", "name", "driver"]);
+    let mut table = Table::new(&["--devices", "name", "memory", "in flight", "largest buffer", "driver"]);
     for entry in entries {
-        let driver = match (entry.refused, entry.driver) {
+        let mebibytes = |bytes: Option<u64>| bytes.map_or_else(String::new, |b| format!("{} MiB", grouped(b >> 20)));
+        let driver = match (&entry.refused, &entry.card) {
             (Some(refused), _) => format!("cannot be used: {refused}"),
-            (None, Some((driver, true))) => format!("software: {driver}"),
-            (None, Some((driver, false))) => driver,
+            (None, Some(card)) => {
+                format!("{}{}; {}", if card.software { "software: " } else { "" }, card.driver, card.kernels)
+            }
             (None, None) => String::new(),
         };
-        table.row(vec![entry.spec, entry.name, driver]);
+        let in_flight = entry.in_flight.map_or_else(String::new, |n| n.to_string());
+        let binding = mebibytes(entry.card.map(|card| card.binding));
+        table.row(vec![entry.spec, entry.name, mebibytes(entry.memory), in_flight, binding, driver]);
     }
     print!("{table}");
-    if let Some(error) = missing {
-        println!("\n  no Vulkan devices: {error}");
+    for error in missing {
+        println!("\n  {error}");
     }
     println!(
         "\n  cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed; auto takes every \
@@ -76,24 +90,26 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
     Ok(())
 }
 
-fn vulkan_entry(index: usize, found: &crate::devices::Found) -> Entry {
+fn gpu_entry(api: Api, index: usize, found: &Found) -> Entry {
     let entry = Entry {
-        spec: format!("vulkan:{index}"),
+        spec: format!("{}:{index}", api.name()),
         name: "–".to_owned(),
-        backend: "vulkan",
+        backend: api.name(),
         threads: None,
         memory: None,
-        driver: None,
+        in_flight: None,
+        card: None,
         refused: None,
     };
     match found {
         Ok(device) => Entry {
             name: device.info().name.clone(),
             memory: device.info().memory,
-            driver: Some((device.driver().to_owned(), device.is_software())),
+            in_flight: Some(device.info().in_flight),
+            card: Some(device.card().clone()),
             ..entry
         },
-        Err(error) => Entry { refused: Some(error.to_string()), ..entry },
+        Err(error) => Entry { refused: Some(error.clone()), ..entry },
     }
 }
 

@@ -30,7 +30,8 @@ impl std::fmt::Display for Table {
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(width).collect();
         let is_words = |c: usize| {
-            let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(c)).peekable();
+            let mut body =
+                self.rows.iter().skip(1).filter_map(|row| row.get(c)).filter(|cell| !cell.is_empty()).peekable();
             body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
         };
         for row in &self.rows {
@@ -118,20 +119,23 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
 
 /// Sums over all streams for each device.
 fn devices(runs: &[StreamRun]) -> Table {
-    let mut table = Table::new(&["device", "busy", "share", "launches", "tasks", "rays"]);
+    let mut table = Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
     for index in 0..count {
         let parts: Vec<_> = runs.iter().filter_map(|run| run.report.devices.get(index)).collect();
         let Some(last) = parts.last() else { continue };
         let busy: f64 = parts.iter().map(|part| part.busy_s).sum();
+        let in_kernels: f64 = parts.iter().map(|part| part.busy_s * part.kernel_share.unwrap_or_default()).sum();
         let mut cells = vec![
             last.name.clone(),
             seconds(busy),
             percent((total > 0.0).then(|| busy / total)),
+            percent((busy > 0.0).then(|| in_kernels / busy)),
             grouped(parts.iter().map(|part| u64::from(part.launches)).sum()),
             grouped(parts.iter().map(|part| u64::from(part.tasks)).sum()),
             grouped(parts.iter().map(|part| part.rays).sum()),
+            grouped(parts.iter().filter_map(|part| part.on_host).sum()),
         ];
         if let Some(error) = &last.error {
             cells.push(format!("failed: {error}"));

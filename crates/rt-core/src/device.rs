@@ -60,6 +60,34 @@ pub trait Tracer: Send + Debug {
     /// # Errors
     /// [`DeviceErrorKind::Hung`] when the limit passed; otherwise when the ticket is unknown or the device is lost.
     fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError>;
+
+    /// What went between host and device since the tracer was made. Nothing, for a device that is the host.
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
+}
+
+/// What a tracer's device and the host had to do with each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Traffic {
+    /// Bytes copied to the device: rays and lists of rays, not the scene.
+    pub uploaded: u64,
+    /// Bytes copied back: hits and counts.
+    pub downloaded: u64,
+    /// Rays of launches and walks that the device left to the host.
+    pub on_host: u64,
+}
+
+impl Traffic {
+    /// What came after `earlier`.
+    #[must_use]
+    pub const fn since(&self, earlier: &Self) -> Self {
+        Self {
+            uploaded: self.uploaded.saturating_sub(earlier.uploaded),
+            downloaded: self.downloaded.saturating_sub(earlier.downloaded),
+            on_host: self.on_host.saturating_sub(earlier.on_host),
+        }
+    }
 }
 
 /// What a device is, for people and for the driver.

@@ -29,6 +29,7 @@ pub use camera::{Camera, CameraError, CameraRays};
 pub use cost::{CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, TaskOutcome, Work};
 pub use device::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
+    Traffic,
 };
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
 pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, Scene, SceneError, SceneParts};

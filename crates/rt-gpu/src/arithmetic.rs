@@ -6,8 +6,8 @@ use rt_core::random;
 /// Pairs of numbers: enough that every way of rounding shows in some.
 pub const PAIRS: u32 = 4096;
 
-/// Largest relative error that a quotient of double floats may have: what the bound on distances counts with.
-const QUOTIENT: f64 = 1.0 / (1_u64 << 46) as f64;
+/// Largest relative error that a quotient of double floats may have: 6 u², what the bound on distances counts with.
+const QUOTIENT: f64 = 6.0 / (1_u64 << 48) as f64;
 
 /// What the kernel writes for each pair, at binding 6: the shader's structure `Answer`.
 #[repr(C)]
@@ -23,13 +23,14 @@ pub struct Answer {
     pub quotient: [f32; 2],
 }
 
-/// The pairs of numbers that the kernel [`Purpose::Arithmetic`](rt_shaders::Purpose::Arithmetic) is given at binding 4.
+/// What the kernel [`Purpose::Arithmetic`](rt_shaders::Purpose::Arithmetic) is given at binding 4: a pair of zeros, behind
+/// which it hides results from its compiler, then [`PAIRS`] pairs of numbers.
 #[must_use]
-pub fn pairs() -> Vec<[f32; 2]> {
-    (0..PAIRS).map(pair).collect()
+pub fn questions() -> Vec<[f32; 2]> {
+    std::iter::once([0.0; 2]).chain((0..PAIRS).map(pair)).collect()
 }
 
-/// The first of [`pairs`] with which a device does not compute as it must, in words; `None` if it always does.
+/// The first of [`questions`] with which a device does not compute as it must, in words; `None` if it always does.
 #[must_use]
 pub fn first_fault(answers: &[Answer]) -> Option<String> {
     if answers.len() != PAIRS as usize {

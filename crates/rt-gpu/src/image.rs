@@ -1,6 +1,7 @@
 //! A scene as the kernels read it.
 
 use bytemuck::{Pod, Zeroable};
+use rt_bvh::WideTree;
 use rt_bvh::offload::Offload;
 use rt_core::{Child, Scene};
 
@@ -14,13 +15,15 @@ pub struct Frame {
     pub root: u32,
     /// Upper corner.
     pub high: [f32; 3],
-    unused: u32,
+    /// 0: kernels hide results from their compiler behind it.
+    zero: u32,
 }
 
 /// The buffers that kernels read of a scene.
 #[derive(Debug)]
 pub struct SceneImage<'a> {
     scene: &'a Scene,
+    wide: &'a [u8],
     primitives: Vec<u32>,
     frame: Frame,
 }
@@ -40,10 +43,22 @@ impl<'a> SceneImage<'a> {
                 _ => 2,
             },
             high: bounds.max.to_array(),
-            unused: 0,
+            zero: 0,
         };
         let primitives = (0..scene.primitives().len()).map(|slot| scene.primitives().get(slot)).collect();
-        Self { scene, primitives, frame }
+        Self { scene, wide: &[], primitives, frame }
+    }
+
+    /// The image of a scene in both layouts, over the triangles in the wide one's order.
+    #[must_use]
+    pub fn with_wide(tree: &'a WideTree) -> Self {
+        Self { wide: bytemuck::cast_slice(tree.nodes()), ..Self::new(tree.scene()) }
+    }
+
+    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one; empty if there is none.
+    #[must_use]
+    pub const fn wide(&self) -> (&'static str, &[u8]) {
+        ("the scene's wide tree, beside the two-wide one,", self.wide)
     }
 
     /// What the buffer is called in errors, and its bytes: those of bindings 0 to 3 of `bindings.wgsl`.
@@ -60,6 +75,6 @@ impl<'a> SceneImage<'a> {
     /// Bytes of all buffers.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.buffers().iter().map(|(_, bytes)| bytes.len() as u64).sum()
+        self.wide.len() as u64 + self.buffers().iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>()
     }
 }

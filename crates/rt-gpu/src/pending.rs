@@ -1,10 +1,10 @@
 //! A launch in flight, and what becomes of a kernel's answer.
 
-use crate::{Answer, Flight};
+use crate::{Answer, Flight, GpuScene};
 use rayon::prelude::*;
 use rt_bvh::Stack;
 use rt_bvh::offload::Offload;
-use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Ticket, Walk};
+use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, StreamSpec, TestCounts, Ticket, Walk};
 use rt_shaders::{DOUBTFUL, MISS, Purpose};
 use std::time::Duration;
 
@@ -58,8 +58,8 @@ pub(crate) struct Finished {
 const CHUNK: usize = 512;
 
 /// Computes t, u and v of what was hit, and traces what is in doubt.
-pub(crate) fn finish(scene: &Scene, source: &RaySource, how: How, items: &[u32], answer: &Answer<'_>) -> Finished {
-    let offload = Offload::new(scene);
+pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, items: &[u32], answer: &Answer<'_>) -> Finished {
+    let offload = Offload::new(scene.given());
     let one = |stack: &mut Stack, i: usize| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
         let (item, slot) = (items[i], answer.found[i]);
         let counts = answer.counts.get(i).copied().unwrap_or_default();
@@ -69,7 +69,7 @@ pub(crate) fn finish(scene: &Scene, source: &RaySource, how: How, items: &[u32],
                 Ok((hit, counts, true))
             }
             MISS => Ok((Hit::MISS, counts, false)),
-            slot => match offload.finish(&source.ray(item).0, slot) {
+            slot => match scene.finish(&offload, &source.ray(item).0, slot) {
                 Some(hit) => Ok((hit, counts, false)),
                 None => Err((item, slot)),
             },
@@ -80,7 +80,7 @@ pub(crate) fn finish(scene: &Scene, source: &RaySource, how: How, items: &[u32],
         .par_chunks_mut(CHUNK)
         .enumerate()
         .map_init(
-            || Stack::for_scene(scene),
+            || Stack::for_scene(scene.given()),
             |stack, (part, hits)| {
                 let (mut on_host, mut wrong) = (0, None);
                 for (i, out) in hits.iter_mut().enumerate() {
@@ -104,13 +104,9 @@ pub(crate) fn finish(scene: &Scene, source: &RaySource, how: How, items: &[u32],
     }
 }
 
-fn on_host(scene: &Scene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32)) -> (Hit, TestCounts) {
-    let mut out = (Hit::MISS, TestCounts::default());
-    let sink = |hit, counts| out = (hit, counts);
-    let ray = std::iter::once(ray);
+fn on_host(scene: &GpuScene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32)) -> (Hit, TestCounts) {
     match how {
-        How::Trace(spec) => rt_bvh::trace(scene, stack, spec, ray, sink),
-        How::Reduced(kind, precision) => rt_bvh::count(scene, stack, Walk::Reduced(kind), precision, ray, sink),
+        How::Trace(spec) => scene.trace(stack, spec, ray),
+        How::Reduced(kind, precision) => (Hit::MISS, scene.count(stack, Walk::Reduced(kind), precision, ray)),
     }
-    out
 }

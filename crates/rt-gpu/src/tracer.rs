@@ -1,11 +1,11 @@
 //! One scene on one graphics card, as the driver sees it.
 
 use crate::pending::{Finished, How, Pending, finish};
-use crate::{Board, Flight, IN_FLIGHT, Tally, rays};
+use crate::{Board, Flight, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Span, StreamSpec, Task, TestCounts, Ticket,
+    Tracer, Traffic, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -18,7 +18,7 @@ const WALK_LIMIT: Duration = Duration::from_secs(600);
 #[derive(Debug)]
 pub struct GpuTracer<B> {
     board: B,
-    scene: Arc<Scene>,
+    scene: GpuScene,
     clock: Clock,
     tally: Arc<Tally>,
     source: RaySource,
@@ -27,14 +27,15 @@ pub struct GpuTracer<B> {
     /// Launches whose results are on the host because a later one was asked for first.
     finished: Vec<(Ticket, Launch)>,
     next_ticket: u64,
+    traffic: Traffic,
 }
 
 impl<B: Board> GpuTracer<B> {
-    /// A tracer of `scene`, which is on `board`, that adds to `tally`.
-    pub fn new(board: B, scene: Arc<Scene>, clock: Clock, tally: Arc<Tally>) -> Self {
+    /// A tracer of `scene`, whose image is on `board`, that adds to `tally`.
+    pub fn new(board: B, scene: impl Into<GpuScene>, clock: Clock, tally: Arc<Tally>) -> Self {
         Self {
             board,
-            scene,
+            scene: scene.into().settled(),
             clock,
             tally,
             source: no_rays(),
@@ -42,6 +43,7 @@ impl<B: Board> GpuTracer<B> {
             pending: VecDeque::new(),
             finished: Vec::new(),
             next_ticket: 0,
+            traffic: Traffic::default(),
         }
     }
 
@@ -51,7 +53,11 @@ impl<B: Board> GpuTracer<B> {
 
     /// Starts a kernel over `items`; `None` if there are none.
     fn start(&mut self, how: How, items: &[u32]) -> Result<Option<Flight>, DeviceError> {
-        if items.is_empty() { Ok(None) } else { self.board.start(how.purpose(), items).map(Some) }
+        if items.is_empty() {
+            return Ok(None);
+        }
+        self.traffic.uploaded += size_of_val(items) as u64;
+        self.board.start(how.purpose(), items).map(Some)
     }
 
     /// Waits for a kernel, and finishes its items on the host.
@@ -66,13 +72,17 @@ impl<B: Board> GpuTracer<B> {
             return Ok(Finished::default());
         };
         let mut finished = Finished::default();
-        let Self { board, scene, source, .. } = self;
-        board.wait(flight, limit, &mut |answer| finished = finish(scene, source, how, items, &answer))?;
+        let Self { board, scene, source, traffic, .. } = self;
+        board.wait(flight, limit, &mut |answer| {
+            traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
+            finished = finish(scene, source, how, items, &answer);
+        })?;
         if let Some((ray, slot)) = finished.wrong {
             let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
             return Err(DeviceError::new(DeviceErrorKind::Lost, what));
         }
         self.tally.add(items.len(), finished.on_host);
+        self.traffic.on_host += finished.on_host as u64;
         Ok(finished)
     }
 
@@ -110,7 +120,7 @@ impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        rays::send(&mut self.board, &self.scene, &source)?;
+        self.traffic.uploaded += rays::send(&mut self.board, self.scene.given(), &source)?;
         (self.source, self.spec) = (source, spec);
         Ok(())
     }
@@ -185,5 +195,9 @@ impl<B: Board> Tracer for GpuTracer<B> {
                 _ => return self.collect(left, out),
             }
         }
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.traffic
     }
 }

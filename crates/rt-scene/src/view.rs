@@ -1,10 +1,12 @@
-//! Cameras: one for a model that brings none, and turning it for animations.
+//! Cameras: those listed beside a file, one for a model that brings none, and turning it for animations.
 
 use crate::frame::frame;
 use crate::{Model, View};
 use glam::{DQuat, DVec3, Vec3};
 use rt_core::{Hit, Ray};
 use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
 
 /// Vertical field of view of an automatic camera in degrees: that of a 50 mm lens on 35 mm film, held upright.
 const FOV_DEGREES: f32 = 40.0;
@@ -86,6 +88,22 @@ pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) 
     };
     let (count, best) = (0..4).map(corner).map(|view| (seen(&view), view)).max_by_key(|(count, _)| *count)?;
     (count > CLEARLY_MORE * seen(outside)).then_some(best)
+}
+
+/// The view that the file `cameras.tsv` beside a scene's file gives for it, if there is one: a line of name, eye, target,
+/// up and vertical field of view in degrees, separated by tabs, and coordinates by blanks.
+#[must_use]
+pub fn listed(path: &Path) -> Option<View> {
+    let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
+    let name = path.file_name()?.to_str()?;
+    let line = table.lines().find(|line| line.split('\t').next() == Some(name))?;
+    let fields: Vec<&str> = line.split('\t').collect();
+    let vector = |text: &str| {
+        let parts: Vec<f32> = text.split_whitespace().filter_map(|x| x.parse().ok()).collect();
+        (parts.len() == 3).then(|| Vec3::from_slice(&parts))
+    };
+    let [_, eye, target, up, fov] = fields[..] else { return None };
+    Some(View { eye: vector(eye)?, target: vector(target)?, up: vector(up)?, fov_degrees: fov.trim().parse().ok()? })
 }
 
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen

@@ -9,10 +9,19 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// The parts of every kernel that traces, in order.
-const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "traverse.wgsl"];
+/// What keeps rounded results as they are: in the SPIR-V, and in the WGSL for APIs that compile it themselves.
+const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
-/// The parts of the kernel by which devices are checked.
+/// The other parts of every kernel that traces, in order; after them comes the loop over its layout.
+const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
+
+/// The layouts of trees: name in Rust, the loop, and sizes of the traversal stack.
+///
+/// Two-wide trees of real scenes need some 30 to 50 entries, wide ones 8 to 20; 128 is the most a scene may need.
+const TREES: &[(&str, &str, &[u32])] =
+    &[("Two", "traverse.wgsl", &[32, 64, 128]), ("Wide", "wide.wgsl", &[16, 32, 128])];
+
+/// The other parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
 
 /// What kernels are for: name in Rust, and the constants that the sources ask for.
@@ -25,11 +34,15 @@ const PURPOSES: &[(&str, Flags)] = &[
     ("Unshortened", Flags { any: false, count: true, reduced: true, cut: false }),
 ];
 
-/// Sizes of the traversal stack. Trees of real scenes need some 30 to 50 entries; 128 is the most a scene may need.
-const STACKS: &[u32] = &[32, 64, 128];
+/// Kernels that do wrong on purpose: name in Rust, and the parts.
+const FAULTY: &[(&str, &[&str])] = &[
+    ("Poisoned", &["bindings.wgsl", "faulty/poisoned.wgsl"]),
+    ("Slow", &["bindings.wgsl", "faulty/slow.wgsl"]),
+    ("TooWide", &["bindings.wgsl", "faulty/too_wide.wgsl"]),
+];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "Triangle", "Ray", "Frame", "Work"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "Frame", "Work"];
 
 struct Flags {
     any: bool,
@@ -42,44 +55,61 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=shaders");
     println!("cargo::rerun-if-changed=build");
     let target = PathBuf::from(env::var_os("OUT_DIR").ok_or("cargo sets OUT_DIR")?);
-    let body = joined(PARTS)?;
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
-    let mut layouts = String::new();
-    for (purpose, flags) in PURPOSES {
-        for &stack in STACKS {
-            let module = add(&mut kernels, &target, purpose, stack, &(preamble(flags, stack) + &body))?;
-            if layouts.is_empty() {
-                layouts = layout_table(&module)?;
+    let mut modules = Vec::new();
+    for (tree, walk, stacks) in TREES {
+        let bodies = joined(&[PARTS, &[*walk]].concat())?;
+        for (purpose, flags) in PURPOSES {
+            for &stack in *stacks {
+                let preamble = preamble(flags, stack);
+                let sources = bodies.each_ref().map(|body| preamble.clone() + body);
+                modules.push(add(&mut kernels, &target, [tree, purpose], stack, &sources)?);
             }
         }
     }
-    add(&mut kernels, &target, "Arithmetic", 0, &joined(ARITHMETIC)?)?;
+    add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
+    for (purpose, parts) in FAULTY {
+        // They trace nothing, so that one will do for trees of any layout and depth.
+        add(&mut kernels, &target, ["Two", purpose], u32::MAX, &joined(parts)?)?;
+    }
     kernels += "];\n";
-    fs::write(target.join("kernels.rs"), kernels + &layouts)?;
+    fs::write(target.join("kernels.rs"), kernels + &layout_table(&modules)?)?;
     Ok(())
 }
 
-fn joined(parts: &[&str]) -> std::io::Result<String> {
-    parts.iter().map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect()
+/// The parts behind each of [`KEEP`].
+fn joined(parts: &[&str]) -> std::io::Result<[String; 2]> {
+    let join = |keep| {
+        let files = std::iter::once(&keep).chain(parts);
+        files.map(|part| fs::read_to_string(Path::new("shaders").join(part))).collect::<std::io::Result<String>>()
+    };
+    let [decorated, hidden] = KEEP;
+    Ok([join(decorated)?, join(hidden)?])
 }
 
-/// Compiles a kernel, writes its SPIR-V to `target` and its row to the table.
+/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of the
+/// second to `target`, and the row to the table.
 fn add(
     table: &mut String,
     target: &Path,
-    purpose: &str,
+    [tree, purpose]: [&str; 2],
     stack: u32,
-    source: &str,
+    [decorated, hidden]: &[String; 2],
 ) -> Result<naga::Module, Box<dyn Error>> {
-    let (module, words) = compile(source).map_err(|e| format!("{purpose}, stack of {stack}: {e}"))?;
-    let file = format!("{purpose}-{stack}.spv");
+    let failed = |e| format!("{tree}, {purpose}, stack of {stack}: {e}");
+    let (module, words) = compile(decorated).map_err(failed)?;
+    // Only to see that it can be.
+    compile(hidden).map_err(failed)?;
+    let file = format!("{tree}-{purpose}-{stack}");
     let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
-    fs::write(target.join(&file), bytes)?;
+    fs::write(target.join(&file).with_extension("spv"), bytes)?;
+    fs::write(target.join(&file).with_extension("wgsl"), hidden)?;
     let entry = &module.entry_points[0];
     writeln!(
         table,
-        "    Kernel {{ purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, bindings: &[{}], \
-         code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}\")) }},",
+        "    Kernel {{ layout: Layout::{tree}, purpose: Purpose::{purpose}, stack: {stack}, entry: c{:?}, workgroup: {:?}, \
+         bindings: &[{}], code: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{file}.spv\")), \
+         wgsl: include_str!(concat!(env!(\"OUT_DIR\"), \"/{file}.wgsl\")) }},",
         entry.name,
         entry.workgroup_size,
         bindings(&module)?
@@ -116,7 +146,7 @@ fn compile(source: &str) -> Result<(naga::Module, Vec<u32>), Box<dyn Error>> {
     Ok((module, spirv::mend(&words)?))
 }
 
-/// `Binding { … }` for every global variable.
+/// `Binding { … }` for every global variable, in the order of their numbers.
 fn bindings(module: &naga::Module) -> Result<String, Box<dyn Error>> {
     let mut rows = Vec::new();
     for (_, variable) in module.global_variables.iter() {
@@ -124,29 +154,32 @@ fn bindings(module: &naga::Module) -> Result<String, Box<dyn Error>> {
         let naga::AddressSpace::Storage { access } = variable.space else {
             return Err("every binding is a storage buffer".into());
         };
-        rows.push(format!(
+        let row = format!(
             "Binding {{ group: {}, binding: {}, name: {:?}, written: {} }}",
             binding.group,
             binding.binding,
             variable.name.as_deref().ok_or("bindings have names")?,
             access.contains(naga::StorageAccess::STORE)
-        ));
+        );
+        rows.push(((binding.group, binding.binding), row));
     }
-    Ok(rows.join(", "))
+    rows.sort();
+    Ok(rows.into_iter().map(|(_, row)| row).collect::<Vec<_>>().join(", "))
 }
 
 /// Offsets of members and sizes of structures, as the kernels see them.
-fn layout_table(module: &naga::Module) -> Result<String, Box<dyn Error>> {
-    let mut table = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Layout] = &[\n");
+fn layout_table(modules: &[naga::Module]) -> Result<String, Box<dyn Error>> {
+    let mut table = String::from("#[cfg(test)]\npub(crate) static LAYOUTS: &[Structure] = &[\n");
     for name in LAYOUTS {
-        let found = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name));
+        let mut types = modules.iter().flat_map(|module| module.types.iter());
+        let found = types.find(|(_, t)| t.name.as_deref() == Some(name));
         let (_, structure) = found.ok_or_else(|| format!("no structure {name}"))?;
         let naga::TypeInner::Struct { members, span } = &structure.inner else {
             return Err(format!("{name} is no structure").into());
         };
         let members: Vec<String> =
             members.iter().map(|m| format!("({:?}, {})", m.name.as_deref().unwrap_or(""), m.offset)).collect();
-        writeln!(table, "    Layout {{ name: {name:?}, size: {span}, members: &[{}] }},", members.join(", "))?;
+        writeln!(table, "    Structure {{ name: {name:?}, size: {span}, members: &[{}] }},", members.join(", "))?;
     }
     table += "];\n";
     Ok(table)

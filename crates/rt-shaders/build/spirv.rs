@@ -48,9 +48,6 @@ pub(crate) fn mend(words: &[u32]) -> Result<Vec<u32>, String> {
             _ => {}
         }
     }
-    if decorations.is_empty() {
-        return Err("no arithmetic to decorate".to_owned());
-    }
     let mut out = words[..HEADER].to_vec();
     let mut in_function = false;
     let mut decorated = false;

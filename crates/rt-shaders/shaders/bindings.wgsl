@@ -1,12 +1,5 @@
-// What a launch reads and writes. The layouts are those of `rt_core::Node`, `rt_core::Triangle`,
+// What a launch reads and writes, but for the tree at binding 0, which each layout has its own. The layouts are those of `rt_core::Node`, `rt_core::Triangle`,
 // `rt_bvh::offload::KernelRay` and `rt_core::TestCounts`; a test compares the offsets.
-
-// Two boxes, each lower corner before upper corner, as twelve planes in a row; then where the children are:
-// index 0 and 1, number of triangles 0 and 1.
-struct Node {
-    planes: array<vec4<f32>, 3>,
-    links: vec4<u32>,
-}
 
 struct Triangle {
     // Three vertices. Not vectors: those would be padded to 16 bytes.
@@ -30,6 +23,8 @@ struct Frame {
     // What the root has: children on both sides, or only on side 0 or 1, or none.
     root: u32,
     high: vec3<f32>,
+    // Always 0, which compilers do not know.
+    zero: u32,
 }
 
 const ROOT_WHOLE: u32 = 2u;
@@ -41,7 +36,6 @@ struct Work {
     rays: array<u32>,
 }
 
-@group(0) @binding(0) var<storage, read> nodes: array<Node>;
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
 @group(0) @binding(3) var<storage, read> frame: Frame;

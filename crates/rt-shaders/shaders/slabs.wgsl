@@ -16,21 +16,33 @@ struct Slabs {
     reach: f32,
 }
 
-fn slabs_of(ray: Ray) -> Slabs {
+// How far box planes are moved away from a ray's origin, by axis; and the ray's reach.
+fn padding_of(ray: Ray) -> vec4<f32> {
     let reaches = max(abs(frame.low - ray.origin), abs(frame.high - ray.origin));
     let reach = max(max(reaches.x, reaches.y), reaches.z);
-    let padding = (reaches * 8.0 + abs(ray.origin) * 4.0 + vec3<f32>(reach * REACH_SHARE)) * UNIT_ROUNDOFF;
+    // Every product is exact, so fusing one with a sum changes nothing; the order of the sums matters.
+    let padding = keep3(keep3(reaches * 8.0 + abs(ray.origin) * 4.0) + vec3<f32>(reach * REACH_SHARE)) * UNIT_ROUNDOFF;
+    return vec4<f32>(padding, reach);
+}
+
+fn slabs_of(ray: Ray) -> Slabs {
+    let padding = padding_of(ray);
     return Slabs(
-        ray.origin + padding,
-        ray.origin - padding,
+        keep3(ray.origin + padding.xyz),
+        keep3(ray.origin - padding.xyz),
         ray.reciprocal,
         ray.reciprocal >= vec3<f32>(0.0),
         ray.tmin,
-        reach,
+        padding.w,
     );
 }
 
-// Where the ray enters and leaves a box, if the first is not beyond the second.
+fn keep3(v: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(keep(v.x), keep(v.y), keep(v.z));
+}
+
+// Where the ray enters and leaves a box, if the first is not beyond the second. No product is added to anything, so there
+// is nothing to fuse, and no sum to reorder: nothing need be kept.
 fn enter(slabs: Slabs, low: vec3<f32>, high: vec3<f32>, limit: f32) -> vec2<f32> {
     let a = (low - slabs.lower) * slabs.reciprocal;
     let b = (high - slabs.upper) * slabs.reciprocal;

@@ -6,6 +6,15 @@
 //   REDUCED  whether leaves are counted and not opened
 //   CUT      whether, then, a leaf counts as a hit where it is entered
 
+// Two boxes, each lower corner before upper corner, as twelve planes in a row; then where the children are:
+// index 0 and 1, number of triangles 0 and 1.
+struct Node {
+    planes: array<vec4<f32>, 3>,
+    links: vec4<u32>,
+}
+
+@group(0) @binding(0) var<storage, read> nodes: array<Node>;
+
 // Rays in a workgroup: two waves of the widest hardware, and eight of the narrowest.
 const GROUP: u32 = 64u;
 
@@ -19,6 +28,7 @@ fn trace(
     if item >= work.count {
         return;
     }
+    hide(frame.zero);
     let ray = rays[work.rays[item]];
     if (ray.kind & (KIND_MISS | KIND_HOST)) != 0u {
         found[item] = select(DOUBTFUL, MISS, (ray.kind & KIND_MISS) != 0u);

@@ -6,19 +6,31 @@
 // does not settle an edge function's sign, or the distance rounded to single precision, the triangle is doubtful and the
 // host traces the ray. So what a device decides, it decides as the reference does.
 //
-// The bound. Let u = 2^-24, Z the greatest |z| and X, Y the greatest sheared |x| and |y| of the vertices.
+// The bound. Let u = 2^-24, Z the greatest |z| and X, Y the greatest sheared |x| and |y| of the vertices, S = X + Y.
 // * Coordinates relative to the origin are exact: two_sum.
-// * A sheared coordinate x - s z is off by D = 7.7 u² Z (product 7 u², s itself 0.5 u², the reference 2^-53) + 3 u² X.
-// * An edge function, c.x b.y - c.y b.x, changes by at most 2 D (X + Y) from that, and by 5 u² (X + Y)² from its own two
-//   products and difference: 15.4 u² Z (X + Y) + 11 u² (X + Y)². EDGE_Z and EDGE_XY are 32 u² and 16 u².
-// * Moving the edge functions by at most E each moves t, their weighted mean of the z, by at most 3 E S / |determinant|,
-//   where S is the spread of the z. Rounding in sums, products and quotient adds at most 45 u² Z. T_Z is 64 u².
-// Products must not underflow: triangles below SMALLEST and distances below NEAREST are left in doubt.
+// * A sheared coordinate x - s z, with |s| <= 1, is off by D = 7.7 u² Z + 3.1 u² X: 7 u² from the product, 0.5 u² from s,
+//   3 u² from the difference, the rest from the reference, which rounds to 2^-53 = u²/32 seven times.
+// * An edge function, c.x b.y - c.y b.x, changes by at most 2 (Dx Y + Dy X) = 15.4 u² Z S + 12.4 u² X Y from that, and by
+//   14 u² X Y + 6 u² X Y from its own two products and difference; the reference's own are 0.2 u² X Y. With X Y <= S²/4:
+//   15.4 u² Z S + 8.2 u² S². EDGE_Z and EDGE_XY are 32 u² and 16 u².
+// * Where all edge functions have one sign, the mean of the z that they weigh lies among the z. So moving each by at most
+//   E moves the mean by at most 3 E / |determinant| times the spread of the z. Rounding adds, in units of u² Z: 7 for the
+//   products, 6 for their sum, 6 for the determinant, 6 for the quotient, 7.5 for the product with 1/d, |1/d| <= 1, and 0.4
+//   for the reference: 33. T_Z is 64 u².
+// Numbers below 2^-126 may be flushed to zero.
+// * A coordinate is so changed by less than 2^-122, hence an edge function by 2^-121 S, and by 2^-121 in its own products.
+//   E is at least EDGE_XY S²: 2^-116 where S is above SMALLEST.
+// * The sum of the weighted z is changed by less than 2^-120, which must be small beside 8 u² |determinant| Z: that is
+//   2^-117 where LEAST_SUM holds. Triangles that are smaller, and distances below NEAREST, are left in doubt.
+// Overflow: coordinates are below 2^61, for REACH of rt_bvh's `offload`, so that edge functions are below 2^124. Where they
+// are certain and of one sign, the line meets the triangle, which is in the scene's box, of size 2: then S <= 8, and as
+// edge functions are at most S²/2 and above E, Z <= 2^45: nothing that follows overflows.
 
 const EDGE_Z: f32 = 1.1368683772161603e-13; // 2^-43
 const EDGE_XY: f32 = 5.684341886080802e-14; // 2^-44
 const T_Z: f32 = 2.2737367544323206e-13; // 2^-42
 const SMALLEST: f32 = 1.4551915228366852e-11; // 2^-36
+const LEAST_SUM: f32 = 2.117582368135751e-22; // 2^-72
 const NEAREST: f32 = 5.9604644775390625e-8; // 2^-24
 
 const MISSES: u32 = 0u;
@@ -91,17 +103,21 @@ fn meet(ray: Ray, limit: f32, o: vec3<f32>, a: vec3<f32>, b: vec3<f32>, c: vec3<
     }
 
     let determinant = add(add(u, v), w);
+    if abs(determinant.x) * largest(z) < LEAST_SUM {
+        return Meeting(IN_DOUBT, 0.0);
+    }
     let mean = divide(add(add(mul(u, az), mul(v, bz)), mul(w, cz)), determinant);
     let t = mul(mean, ray.depth);
     let spread = max(max(z.x, z.y), z.z) - min(min(z.x, z.y), z.z);
     let error = 4.0 * (e / abs(determinant.x)) * spread + T_Z * largest(z);
     // Rounding is monotone: the reference's rounded distance is between these two.
-    let low = t.x + (t.y - error);
-    let high = t.x + (t.y + error);
+    let low = t.x + keep(t.y - error);
+    let high = t.x + keep(t.y + error);
     if low > limit || high < ray.tmin {
         return Meeting(MISSES, 0.0);
     }
-    if low != high || abs(low) < NEAREST {
+    // Written so that it holds for NaN, too: for a scene that is not normalised.
+    if !(low == high) || abs(low) < NEAREST {
         return Meeting(IN_DOUBT, 0.0);
     }
     return Meeting(HITS, low);

@@ -1,18 +1,24 @@
 //! The GPU kernels of raybalance, compiled from WGSL when this crate is built.
 //!
-//! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Purpose`] and each size of the traversal
-//! stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, and the table that
-//! [`kernel`] looks up. What a kernel reads and writes, and why its decisions are those of `rt_bvh`, is said in the
+//! `shaders/*.wgsl` are the only source. The build joins them, once for each [`Layout`], [`Purpose`] and size of the
+//! traversal stack, checks them, writes SPIR-V with every floating-point operation decorated `NoContraction`, WGSL that
+//! does without ([`Kernel::wgsl`]), and the table that [`kernel`] looks up. What a kernel reads and writes, and why its
+//! decisions are those of `rt_bvh`, is said in the
 //! sources.
 //!
 //! # Current state and limits
 //!
-//! * One layout: the two-wide tree of `rt_core`.
+//! * Two layouts: the two-wide tree of `rt_core` and the eight-wide compressed one of `rt_bvh`.
 //! * Kernels rely on additions and multiplications in single precision being rounded to nearest, one by one, as Vulkan
-//!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed.
+//!   drivers do with `NoContraction`; [`Purpose::Arithmetic`] finds out. Denormal numbers may be flushed. A device that
+//!   can promise more is asked to ([`FloatControls`]).
 #![forbid(unsafe_code)]
 
 use std::ffi::CStr;
+
+mod float_controls;
+
+pub use float_controls::FloatControls;
 
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
@@ -22,6 +28,16 @@ pub const MISS: u32 = u32::MAX;
 /// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in doubt
 /// what it hits.
 pub const DOUBTFUL: u32 = u32::MAX - 1;
+
+/// Which tree a kernel walks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Layout {
+    /// The scene's own: `rt_core::Node`.
+    #[default]
+    Two,
+    /// The eight-wide compressed one: `rt_bvh::WideNode`.
+    Wide,
+}
 
 /// What a kernel finds out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -40,6 +56,12 @@ pub enum Purpose {
     Unshortened,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
+    /// Wrong on purpose, for tests: every ray misses.
+    Poisoned,
+    /// Wrong on purpose, for tests: takes a second or more, and most rays are not answered.
+    Slow,
+    /// For tests: valid, but wider than any device takes, so that it cannot be compiled.
+    TooWide,
 }
 
 impl Purpose {
@@ -48,11 +70,19 @@ impl Purpose {
     pub const fn counts(self) -> bool {
         matches!(self, Self::ClosestCounted | Self::AnyCounted | Self::LeafAsHit | Self::Unshortened)
     }
+
+    /// Whether the kernel does wrong on purpose.
+    #[must_use]
+    pub const fn is_faulty(self) -> bool {
+        matches!(self, Self::Poisoned | Self::Slow | Self::TooWide)
+    }
 }
 
 /// A compiled kernel.
 #[derive(Debug)]
 pub struct Kernel {
+    /// The tree it walks. [`Layout::Two`] for a kernel that does not trace.
+    pub layout: Layout,
     /// What it finds out.
     pub purpose: Purpose,
     /// Entries of its stack: at least the depth of the scene. 0 for a kernel that does not trace.
@@ -64,10 +94,19 @@ pub struct Kernel {
     /// The buffers it reads and writes.
     pub bindings: &'static [Binding],
     code: &'static [u8],
+    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
+    /// the compiler behind a zero that only the host knows, `Frame::zero` or the first pair of [`Purpose::Arithmetic`].
+    pub wgsl: &'static str,
 }
 
 impl Kernel {
-    /// The SPIR-V.
+    /// The SPIR-V for a device that has `controls`.
+    #[must_use]
+    pub fn spirv_with(&self, controls: FloatControls) -> Vec<u32> {
+        controls.apply(self.spirv())
+    }
+
+    /// The SPIR-V, for any device.
     #[must_use]
     pub fn spirv(&self) -> Vec<u32> {
         self.code.chunks_exact(4).map(|word| u32::from_le_bytes([word[0], word[1], word[2], word[3]])).collect()
@@ -87,16 +126,17 @@ pub struct Binding {
     pub written: bool,
 }
 
-/// The kernel for a purpose whose stack is the smallest that suffices for a scene of that depth; `None` for depths above
-/// `rt_core::MAX_DEPTH`.
+/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for depths
+/// above `rt_core::MAX_DEPTH`.
 #[must_use]
-pub fn kernel(purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
-    KERNELS.iter().filter(|kernel| kernel.purpose == purpose && kernel.stack >= depth).min_by_key(|kernel| kernel.stack)
+pub fn kernel(layout: Layout, purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
+    let fits = |kernel: &&Kernel| kernel.layout == layout && kernel.purpose == purpose && kernel.stack >= depth;
+    KERNELS.iter().filter(fits).min_by_key(|kernel| kernel.stack)
 }
 
 /// A structure as kernels see it.
 #[cfg(test)]
-struct Layout {
+struct Structure {
     name: &'static str,
     size: u32,
     members: &'static [(&'static str, u32)],
@@ -106,6 +146,7 @@ struct Layout {
 mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
+    use rt_bvh::WideNode;
     use rt_bvh::offload::KernelRay;
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
@@ -119,6 +160,8 @@ mod tests {
         let node = [("planes", offset_of!(Node, bounds) as u32), ("links", offset_of!(Node, child) as u32)];
         assert_eq!(layout("Node"), (&node[..], size_of::<Node>()));
         assert_eq!(offset_of!(Node, count), offset_of!(Node, child) + 8, "both are one vector in the kernel");
+        // What is in its five words is checked by tracing.
+        assert_eq!(layout("WideNode"), (&[("words", 0)][..], size_of::<WideNode>()));
         assert_eq!(layout("Triangle"), (&[("vertices", 0)][..], size_of::<Triangle>()));
         let ray = [
             ("origin", offset_of!(KernelRay, origin)),
@@ -132,7 +175,7 @@ mod tests {
         ]
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
-        assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16)][..], 32));
+        assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
         assert_eq!(layout("Work").0, &[("count", 0), ("rays", 4)]);
         // vec2<u32>.
         assert_eq!((offset_of!(TestCounts, boxes), offset_of!(TestCounts, triangles)), (0, 4));
@@ -142,12 +185,14 @@ mod tests {
     #[test]
     fn every_purpose_has_a_kernel_for_every_depth() {
         use Purpose::{Any, AnyCounted, Closest, ClosestCounted, LeafAsHit, Unshortened};
-        for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
-            for depth in 0..=MAX_DEPTH {
-                let kernel = kernel(purpose, depth).expect("one for each depth");
-                assert!(kernel.stack >= depth && kernel.purpose == purpose);
+        for layout in [Layout::Two, Layout::Wide] {
+            for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
+                for depth in 0..=MAX_DEPTH {
+                    let kernel = kernel(layout, purpose, depth).expect("one for each depth");
+                    assert!(kernel.stack >= depth && (kernel.layout, kernel.purpose) == (layout, purpose));
+                }
+                assert!(kernel(layout, purpose, MAX_DEPTH + 1).is_none());
             }
-            assert!(kernel(purpose, MAX_DEPTH + 1).is_none());
         }
     }
 
@@ -157,7 +202,10 @@ mod tests {
         let all = KERNELS[0].bindings;
         assert_eq!(all.iter().map(|b| b.binding).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
         for kernel in KERNELS {
-            assert_eq!((kernel.spirv()[0], kernel.workgroup), (MAGIC, [64, 1, 1]));
+            assert_eq!(kernel.spirv()[0], MAGIC);
+            if kernel.purpose != Purpose::TooWide {
+                assert_eq!(kernel.workgroup, [64, 1, 1]);
+            }
             if kernel.purpose == Purpose::Arithmetic {
                 assert_eq!(
                     kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
@@ -172,7 +220,7 @@ mod tests {
     /// Fails when the build leaves out the pass over the SPIR-V.
     #[test]
     fn every_sum_and_product_is_kept_apart() {
-        for kernel in KERNELS {
+        for kernel in KERNELS.iter().filter(|kernel| !kernel.purpose.is_faulty()) {
             let words = kernel.spirv();
             let (mut decorated, mut arithmetic) = (Vec::new(), Vec::new());
             let mut at = 5;

@@ -2,7 +2,7 @@
 
 use rt_core::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec,
-    Task, TestCounts, Ticket, Tracer, Walk,
+    Task, TestCounts, Ticket, Tracer, Traffic, Walk,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -103,5 +103,9 @@ impl Tracer for FaultyTracer {
     fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
         self.strike(matches!(self.fault, Fault::Wait(_) | Fault::Hang(_)))?;
         self.inner.wait(ticket, limit, out)
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.inner.traffic()
     }
 }

@@ -2,7 +2,7 @@
 
 use rt_core::{
     Clock, Device, DeviceError, DeviceInfo, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Ticket, Tracer, Traffic, Walk,
 };
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -107,5 +107,9 @@ impl Tracer for RecordedTracer {
         self.inner.wait(ticket, limit, out)?;
         self.push(Record::Wait { ticket });
         Ok(())
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.inner.traffic()
     }
 }

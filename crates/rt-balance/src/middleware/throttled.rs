@@ -2,7 +2,7 @@
 
 use rt_core::{
     Clock, Device, DeviceError, DeviceInfo, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Ticket, Tracer, Traffic, Walk,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -85,5 +85,9 @@ impl Tracer for ThrottledTracer {
             *seconds /= self.speed as f32;
         }
         Ok(())
+    }
+
+    fn traffic(&self) -> Traffic {
+        self.inner.traffic()
     }
 }

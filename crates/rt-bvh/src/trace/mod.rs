@@ -17,12 +17,15 @@ mod slabs;
 mod triangle;
 mod visitor;
 mod walk;
+mod wide;
 
 pub use walk::Stack;
 
+use crate::wide::WideTree;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use triangle::{Double, Fast, Robust, TriangleTest};
 use visitor::{Nearest, Reduced};
+use walk::Visitor;
 
 /// Traces rays and hands each one's hit to `sink`, in order.
 ///
@@ -35,11 +38,16 @@ where
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
-    match spec.precision {
-        Precision::Robust => trace_with::<Robust, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
-        Precision::Fast => trace_with::<Fast, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
-        Precision::Double => trace_with::<Double, R, S>(scene, stack, spec.query, spec.counts, rays, sink),
-    }
+    trace_over(scene, stack, spec, rays, sink);
+}
+
+/// [`trace`] over the wide layout: the same hits, other counts, and with [`Query::Any`] maybe another of the candidates.
+pub fn trace_wide<R, S>(tree: &WideTree, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
+where
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    trace_over(tree, stack, spec, rays, sink);
 }
 
 /// Counts the tests of rays and hands them to `sink`, in order.
@@ -52,26 +60,91 @@ where
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
+    count_over(scene, stack, walk, precision, rays, sink);
+}
+
+/// [`count`] over the wide layout: a visited node costs eight box tests, whatever is in its slots. Where leaves are taken for
+/// hits, those of one node are entered at once, and the nearest one cuts the ray.
+pub fn count_wide<R, S>(tree: &WideTree, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
+where
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    count_over(tree, stack, walk, precision, rays, sink);
+}
+
+/// A tree that visitors can be sent through.
+trait Layout {
+    /// Walks every ray with a visitor of its own.
+    fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
+    where
+        V: Visitor<'a>,
+        R: Iterator<Item = (Ray, u32)>,
+        S: FnMut(Hit, TestCounts);
+}
+
+impl Layout for Scene {
+    fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
+    where
+        V: Visitor<'a>,
+        R: Iterator<Item = (Ray, u32)>,
+        S: FnMut(Hit, TestCounts),
+    {
+        walk::each::<V, R, S>(self, stack, rays, sink);
+    }
+}
+
+impl Layout for WideTree {
+    fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
+    where
+        V: Visitor<'a>,
+        R: Iterator<Item = (Ray, u32)>,
+        S: FnMut(Hit, TestCounts),
+    {
+        wide::each::<V, R, S>(self, stack, rays, sink);
+    }
+}
+
+fn trace_over<L, R, S>(layout: &L, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
+where
+    L: Layout,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    match spec.precision {
+        Precision::Robust => trace_with::<Robust, L, R, S>(layout, stack, spec.query, spec.counts, rays, sink),
+        Precision::Fast => trace_with::<Fast, L, R, S>(layout, stack, spec.query, spec.counts, rays, sink),
+        Precision::Double => trace_with::<Double, L, R, S>(layout, stack, spec.query, spec.counts, rays, sink),
+    }
+}
+
+fn count_over<L, R, S>(layout: &L, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
+where
+    L: Layout,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
     match walk {
         Walk::Full => {
-            trace(scene, stack, StreamSpec { query: Query::Closest, precision, counts: true }, rays, sink);
+            trace_over(layout, stack, StreamSpec { query: Query::Closest, precision, counts: true }, rays, sink);
         }
-        Walk::Reduced(ReducedWalk::LeafAsHit) => walk::each::<Reduced<true>, R, S>(scene, stack, rays, sink),
-        Walk::Reduced(ReducedWalk::Unshortened) => walk::each::<Reduced<false>, R, S>(scene, stack, rays, sink),
+        Walk::Reduced(ReducedWalk::LeafAsHit) => layout.each::<Reduced<true>, R, S>(stack, rays, sink),
+        Walk::Reduced(ReducedWalk::Unshortened) => layout.each::<Reduced<false>, R, S>(stack, rays, sink),
     }
 }
 
 /// Chooses the kernel, once per batch.
-fn trace_with<T, R, S>(scene: &Scene, stack: &mut Stack, query: Query, counts: bool, rays: R, sink: S)
+fn trace_with<T, L, R, S>(layout: &L, stack: &mut Stack, query: Query, counts: bool, rays: R, sink: S)
 where
     T: TriangleTest,
+    L: Layout,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
     match (query, counts) {
-        (Query::Closest, false) => walk::each::<Nearest<T, false, false>, R, S>(scene, stack, rays, sink),
-        (Query::Closest, true) => walk::each::<Nearest<T, false, true>, R, S>(scene, stack, rays, sink),
-        (Query::Any, false) => walk::each::<Nearest<T, true, false>, R, S>(scene, stack, rays, sink),
-        (Query::Any, true) => walk::each::<Nearest<T, true, true>, R, S>(scene, stack, rays, sink),
+        (Query::Closest, false) => layout.each::<Nearest<T, false, false>, R, S>(stack, rays, sink),
+        (Query::Closest, true) => layout.each::<Nearest<T, false, true>, R, S>(stack, rays, sink),
+        (Query::Any, false) => layout.each::<Nearest<T, true, false>, R, S>(stack, rays, sink),
+        (Query::Any, true) => layout.each::<Nearest<T, true, true>, R, S>(stack, rays, sink),
     }
 }

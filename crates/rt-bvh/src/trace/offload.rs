@@ -60,8 +60,9 @@ pub struct Offload<'a> {
 }
 
 /// Smallest and largest distance across the scene, in local units, for which single-precision products in a kernel's
-/// error bounds neither vanish nor overflow: the bounds of the filter on processors.
-const REACH: [f64; 2] = [1.0 / (1_u64 << 40) as f64, (1_u64 << 60) as f64];
+/// error bounds neither vanish nor overflow: the bounds of the filter on processors, but that kernels may flush denormal
+/// numbers to zero: 3 · 2⁻¹²⁶ in an edge function, far below the filter's margin of 5·u²·m² for m from 2⁻³⁶ on.
+const REACH: [f64; 2] = [1.0 / (1_u64 << 36) as f64, (1_u64 << 60) as f64];
 
 /// Smallest exponent of the factor from local to given distances. A kernel leaves distances below 2⁻²⁴ to the host, so
 /// that those it decides on stay normal numbers when they are scaled.

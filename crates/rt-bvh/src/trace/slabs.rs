@@ -99,12 +99,7 @@ impl Frame {
         let direction_exponent = exponent(ray.direction.abs().max_element()) - 1;
         let direction = scaled(ray.direction, pow2(-direction_exponent));
         let t_unscale = pow2(direction_exponent - self.scale_exponent);
-        let low = (self.bounds.min - origin).abs();
-        let high = (self.bounds.max - origin).abs();
-        let reaches = low.max(high);
-        let reach = reaches.max_element();
-        // 2⁻⁴¹ is u · 2⁻¹⁷.
-        let pad = (reaches * 8.0 + origin.abs() * 4.0 + reach * (1.0 / (1 << 17) as f32)) * U;
+        let (pad, reach) = self.padding(origin);
         let clamped = direction.abs().max(Vec3::splat(SMALLEST)).copysign(direction);
         let slabs = Slabs::new([origin + pad, origin - pad], clamped.recip(), (f64::from(ray.tmin) * t_unscale) as f32);
         Some(LocalRay {
@@ -117,6 +112,17 @@ impl Frame {
             t_unscale,
             slabs,
         })
+    }
+
+    /// How far box planes are moved away from a ray's origin, by axis, and the ray's reach.
+    #[inline(always)]
+    pub(super) fn padding(&self, origin: Vec3) -> (Vec3, f32) {
+        let low = (self.bounds.min - origin).abs();
+        let high = (self.bounds.max - origin).abs();
+        let reaches = low.max(high);
+        let reach = reaches.max_element();
+        // 2⁻⁴¹ is u · 2⁻¹⁷.
+        ((reaches * 8.0 + origin.abs() * 4.0 + reach * (1.0 / (1 << 17) as f32)) * U, reach)
     }
 }
 
@@ -140,6 +146,11 @@ impl Slabs {
             entering: by_box(planes([lower, -lower])),
             tmin,
         }
+    }
+
+    /// Where the ray begins, in local distance.
+    pub(super) const fn tmin(&self) -> f32 {
+        self.tmin
     }
 
     /// One over the direction, as the box test uses it.

@@ -92,8 +92,8 @@ pub(super) struct Robust {
     floor: f32,
 }
 
-/// Smallest and largest m for which the filter's arithmetic neither underflows nor overflows.
-const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
+/// Smallest and largest m for which the filter's arithmetic, and that of wide boxes, neither underflows nor overflows.
+pub(super) const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
 
 impl TriangleTest for Robust {
     const GATED: bool = true;

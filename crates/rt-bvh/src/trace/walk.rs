@@ -1,6 +1,8 @@
 //! The traversal loop.
 
 use super::slabs::{Frame, LocalRay};
+use super::wide::Group;
+use crate::wide::WideTree;
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
@@ -31,6 +33,8 @@ pub(super) trait Visitor<'a>: Sized {
 #[derive(Clone, Debug, Default)]
 pub struct Stack {
     entries: Vec<Pending>,
+    /// The same for wide trees.
+    pub(super) groups: Vec<Group>,
 }
 
 /// A child whose box was entered.
@@ -61,6 +65,15 @@ impl Stack {
             self.entries.resize(depth, Pending::default());
         }
     }
+
+    pub(super) fn fit_wide(&mut self, tree: &WideTree) {
+        self.fit(tree.scene());
+        // Each node on the path from the root leaves at most one group behind, and the last one none.
+        let depth = tree.depth() as usize;
+        if self.groups.len() < depth {
+            self.groups.resize(depth, Group::default());
+        }
+    }
 }
 
 /// Walks every ray with a visitor of its own.
@@ -72,21 +85,27 @@ where
 {
     stack.fit(scene);
     let frame = Frame::of(scene);
-    let nodes = scene.nodes();
-    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
     for (ray, excluded) in rays {
         let Some(ray) = frame.localize(&ray) else {
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
         let mut visitor = V::begin(scene, ray, excluded);
-        let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], &mut visitor) };
-        if let Some(start) = start {
-            // The visitor leaves the loop early when it knows the answer.
-            let _ = walk(nodes, &mut stack.entries, start, &mut visitor);
-        }
+        walk_two(scene, stack, &mut visitor);
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
+    }
+}
+
+/// Walks one ray. The stack fits the scene.
+#[inline(always)]
+pub(super) fn walk_two<'a, V: Visitor<'a>>(scene: &'a Scene, stack: &mut Stack, visitor: &mut V) {
+    let nodes = scene.nodes();
+    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
+    let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], visitor) };
+    if let Some(start) = start {
+        // The visitor leaves the loop early when it knows the answer.
+        let _ = walk(nodes, &mut stack.entries, start, visitor);
     }
 }
 

@@ -1,0 +1,187 @@
+//! Finding and opening devices.
+
+use crate::arithmetic;
+use crate::board::WgpuBoard;
+use crate::error::OpenError;
+use crate::opened::Opened;
+use crate::pipeline::{BUFFERS, Pipeline};
+use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_shaders::{Kernel, Layout, Purpose};
+use std::collections::HashMap;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
+
+/// How to open devices.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options {
+    /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
+    /// know that.
+    pub trusted: bool,
+    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    pub layouts: Option<Layouts>,
+    /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
+    pub kernels: Option<fn(&'static Kernel) -> String>,
+    /// What goes wrong on purpose, for tests of this crate and of programs that use it.
+    pub trouble: Option<Trouble>,
+}
+
+impl Options {
+    /// Trusted kernels if the environment variable `RAYBALANCE_WGPU_TRUSTED` is `1`.
+    #[must_use]
+    pub fn from_env() -> Self {
+        let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
+        Self { trusted, ..Self::default() }
+    }
+}
+
+/// A graphics card or software rasteriser.
+#[derive(Debug)]
+pub struct WgpuDevice {
+    info: DeviceInfo,
+    card: Card,
+    layouts: Layouts,
+    shared: Arc<Shared>,
+}
+
+/// What a device's tracers have in common.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
+    options: Options,
+    /// Launches so far, walks too.
+    launches: AtomicU32,
+    pub opened: Arc<Opened>,
+    pub tally: Arc<Tally>,
+}
+
+impl WgpuDevice {
+    /// Opens every device, in the order in which wgpu lists them; in place of one that cannot be used stands the reason.
+    /// Several devices may have the same name.
+    ///
+    /// # Errors
+    /// When there is no device at all.
+    pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
+        let instance = Instance::new(InstanceDescriptor {
+            backends: Backends::VULKAN,
+            ..InstanceDescriptor::new_without_display_handle()
+        });
+        let found = pollster::block_on(instance.enumerate_adapters(Backends::VULKAN));
+        if found.is_empty() {
+            return Err(OpenError::NoDevice);
+        }
+        Ok(found.iter().map(|adapter| Self::open(adapter, options)).collect())
+    }
+
+    fn open(adapter: &Adapter, options: Options) -> Result<Self, OpenError> {
+        let said = adapter.get_info();
+        let refuse = |reason: String| OpenError::Refused { name: said.name.clone(), reason };
+        if said.driver == "llvmpipe"
+            && let Some(fault) = fault_of_llvmpipe(&said.driver_info)
+        {
+            return Err(refuse(fault));
+        }
+        let buffers = adapter.limits().max_storage_buffers_per_shader_stage;
+        if (buffers as usize) < BUFFERS {
+            return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
+        }
+        let opened = Opened::new(adapter, &said.name)?;
+        let info = DeviceInfo {
+            name: said.name.clone(),
+            backend: "wgpu",
+            // wgpu tells neither this nor the memory.
+            units: 1,
+            in_flight: IN_FLIGHT,
+            memory: None,
+        };
+        let card = Card {
+            name: said.name.clone(),
+            driver: format!("{} {}", said.driver, said.driver_info),
+            software: said.device_type == DeviceType::Cpu,
+            model: [said.vendor, said.device],
+            slot: (!said.device_pci_bus_id.is_empty()).then(|| said.device_pci_bus_id.clone()),
+            binding: opened.binding,
+            kernels: if options.trusted { "WGSL, trusted" } else { "WGSL, checked" },
+        };
+        let shared = Shared {
+            pipelines: Mutex::default(),
+            options,
+            launches: AtomicU32::default(),
+            opened: Arc::new(opened),
+            tally: Arc::default(),
+        };
+        match arithmetic::check(&shared) {
+            Ok(None) => {}
+            Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
+            Err(error) => return Err(refuse(error.to_string())),
+        }
+        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
+        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+    }
+
+    /// The layouts in which it holds scenes.
+    #[must_use]
+    pub const fn layouts(&self) -> Layouts {
+        self.layouts
+    }
+
+    /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
+    pub fn provoke_loss(&self) {
+        self.shared.opened.device.destroy();
+    }
+}
+
+impl Device for WgpuDevice {
+    fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        let scene = GpuScene::new(scene, self.layouts);
+        let board = WgpuBoard::new(Arc::clone(&self.shared), &scene)?;
+        Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
+    }
+}
+
+impl GpuDevice for WgpuDevice {
+    fn card(&self) -> &Card {
+        &self.card
+    }
+
+    fn tally(&self) -> &Tally {
+        &self.shared.tally
+    }
+}
+
+impl Shared {
+    /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
+    pub(crate) fn count_launch(&self) {
+        let launch = self.launches.fetch_add(1, Ordering::Relaxed);
+        if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
+            self.opened.device.destroy();
+        }
+    }
+
+    /// The kernel for a layout, a purpose and a tree's depth; compiled once.
+    pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
+        let (layout, purpose) = match self.options.trouble {
+            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            _ => (layout, purpose),
+        };
+        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
+            DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
+        })?;
+        let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
+        let key = (kernel.layout, kernel.purpose, kernel.stack);
+        if let Some(pipeline) = pipelines.get(&key) {
+            return Ok(Arc::clone(pipeline));
+        }
+        let Options { trusted, kernels, .. } = self.options;
+        let replaced = kernels.map(|replace| replace(kernel));
+        let source = replaced.as_deref().unwrap_or(kernel.wgsl);
+        let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, source, trusted && kernels.is_none())?);
+        pipelines.insert(key, Arc::clone(&pipeline));
+        Ok(pipeline)
+    }
+}

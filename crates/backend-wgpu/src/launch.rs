@@ -1,0 +1,228 @@
+//! The buffers of one launch in flight.
+
+use crate::opened::Opened;
+use crate::pipeline::{BUFFERS, Pipeline};
+use rt_core::arguments::invalid;
+use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
+use rt_gpu::Answer;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::{Duration, Instant};
+use wgpu::{
+    Buffer, BufferAsyncError, BufferUsages, ComputePassDescriptor, ComputePassTimestampWrites, MapMode, QuerySet,
+    QuerySetDescriptor, QueryType, SubmissionIndex,
+};
+
+const WORD: u64 = 4;
+const COUNTS: u64 = size_of::<TestCounts>() as u64;
+/// Bytes of two timestamps.
+const STAMPS: u64 = 16;
+
+/// Room for one launch.
+#[derive(Debug)]
+pub(crate) struct Slot {
+    opened: Arc<Opened>,
+    room: Room,
+    stamps: Option<Stamps>,
+    running: Option<Running>,
+}
+
+/// Buffers for up to `items` rays, with counts for up to `counted`.
+#[derive(Debug)]
+struct Room {
+    items: u32,
+    counted: u32,
+    work: Buffer,
+    found: Buffer,
+    counts: Buffer,
+    /// What goes back to the host: see [`Back`].
+    back: Buffer,
+}
+
+/// The two timestamps of a launch.
+#[derive(Debug)]
+struct Stamps {
+    queries: QuerySet,
+    resolved: Buffer,
+    /// Nanoseconds of a tick.
+    tick: f64,
+}
+
+/// A launch in flight.
+#[derive(Debug)]
+struct Running {
+    done: SubmissionIndex,
+    mapped: Receiver<Result<(), BufferAsyncError>>,
+    back: Back,
+}
+
+/// Where each part of the results lies in the buffer that goes back to the host, in bytes, each a multiple of 8.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Back {
+    found: u64,
+    counts: [u64; 2],
+    stamps: u64,
+}
+
+impl Back {
+    fn new(items: u32, counted: u32) -> Self {
+        let found = u64::from(items) * WORD;
+        let counts = found.next_multiple_of(COUNTS);
+        let end = counts + u64::from(counted) * COUNTS;
+        Self { found, counts: [counts, end], stamps: end }
+    }
+
+    fn size(self) -> u64 {
+        self.stamps + STAMPS
+    }
+}
+
+impl Room {
+    fn new(opened: &Opened, items: u32, counted: u32) -> Result<Self, DeviceError> {
+        let buffer = |what: &str, size: u64, usage| opened.buffer(&format!("{what} of {items} rays"), size, usage);
+        // One word more, for their number.
+        let listed = (u64::from(items) + 1) * WORD;
+        let written = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
+        Ok(Self {
+            items,
+            counted,
+            work: buffer("the list", listed, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
+            found: buffer("the hits", u64::from(items) * WORD, written)?,
+            counts: buffer("the counts", u64::from(counted) * COUNTS, written)?,
+            back: buffer(
+                "the results",
+                Back::new(items, counted).size(),
+                BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            )?,
+        })
+    }
+}
+
+impl Stamps {
+    fn new(opened: &Opened, tick: f64) -> Result<Self, DeviceError> {
+        let usage = BufferUsages::QUERY_RESOLVE | BufferUsages::COPY_SRC;
+        let resolved = opened.buffer("the timestamps", STAMPS, usage)?;
+        let queries = opened.scoped("create timestamps", DeviceErrorKind::Lost, || {
+            opened.device.create_query_set(&QuerySetDescriptor { label: None, ty: QueryType::Timestamp, count: 2 })
+        })?;
+        Ok(Self { queries, resolved, tick })
+    }
+}
+
+impl Slot {
+    pub(crate) fn new(opened: &Arc<Opened>) -> Result<Self, DeviceError> {
+        let stamps = opened.tick.map(|tick| Stamps::new(opened, tick)).transpose()?;
+        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, 0, 0)?, stamps, running: None })
+    }
+
+    /// Traces the rays of the list `items`, which must not be empty. The slot's last launch is done. `inputs` are the
+    /// buffers of bindings 0 to 4.
+    pub(crate) fn start(
+        &mut self,
+        inputs: [&Buffer; 5],
+        pipeline: &Pipeline,
+        items: &[u32],
+        counted: bool,
+    ) -> Result<(), DeviceError> {
+        let count = u32::try_from(items.len()).map_err(|_| invalid("a launch has fewer than 2^32 rays"))?;
+        let counts = if counted { count } else { 0 };
+        if self.room.items < count || self.room.counted < counts {
+            self.room = Room::new(&self.opened, self.room.items.max(count), self.room.counted.max(counts))?;
+        }
+        let back = Back::new(count, counts);
+        let Self { opened, room, .. } = &*self;
+        opened.queue.write_buffer(&room.work, 0, &count.to_ne_bytes());
+        opened.queue.write_buffer(&room.work, WORD, bytemuck::cast_slice(items));
+        let [a, b, c, d, e] = inputs;
+        let buffers: [&Buffer; BUFFERS] = [a, b, c, d, e, &room.work, &room.found, &room.counts];
+        let (tell, mapped) = sync_channel(1);
+        let done = opened.scoped("start a launch", DeviceErrorKind::Lost, || {
+            let done = self.submit(pipeline, buffers, count, back);
+            room.back.map_async(MapMode::Read, 0..back.size(), move |result| {
+                // Nobody listens any more when the launch was given up.
+                let _ = tell.send(result);
+            });
+            done
+        })?;
+        self.running = Some(Running { done, mapped, back });
+        Ok(())
+    }
+
+    fn submit(&self, pipeline: &Pipeline, buffers: [&Buffer; BUFFERS], count: u32, back: Back) -> SubmissionIndex {
+        let Self { opened, room, stamps, .. } = self;
+        let bindings = pipeline.bind(&opened.device, buffers);
+        let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let timestamp_writes = stamps.as_ref().map(|stamps| ComputePassTimestampWrites {
+            query_set: &stamps.queries,
+            beginning_of_pass_write_index: Some(0),
+            end_of_pass_write_index: Some(1),
+        });
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
+        pipeline.run(opened, &mut pass, &bindings, count);
+        drop(pass);
+        encoder.copy_buffer_to_buffer(&room.found, 0, &room.back, 0, back.found);
+        let [start, end] = back.counts;
+        if end > start {
+            encoder.copy_buffer_to_buffer(&room.counts, 0, &room.back, start, end - start);
+        }
+        if let Some(stamps) = stamps {
+            encoder.resolve_query_set(&stamps.queries, 0..2, &stamps.resolved, 0);
+            encoder.copy_buffer_to_buffer(&stamps.resolved, 0, &room.back, back.stamps, STAMPS);
+        }
+        opened.queue.submit([encoder.finish()])
+    }
+
+    /// Waits at most `limit` for the launch in flight and shows `read` what it wrote.
+    pub(crate) fn wait(&mut self, limit: Duration, read: &mut dyn FnMut(Answer<'_>)) -> Result<(), DeviceError> {
+        let begin = Instant::now();
+        let Running { done, mapped, back } =
+            self.running.take().ok_or_else(|| invalid("no such kernel is in flight"))?;
+        let opened = &self.opened;
+        opened.wait(done, limit)?;
+        // Another thread that waits for the device may be the one that runs the callback.
+        match mapped.recv_timeout(limit.saturating_sub(begin.elapsed()).max(GRACE)) {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => return Err(opened.lose(&error.to_string())),
+            Err(_) => return Err(opened.hung(limit)),
+        }
+        let view = self.room.back.get_mapped_range(0..back.size()).map_err(|e| opened.lose(&e.to_string()))?;
+        let part = |range: Range<u64>| view.get(range.start as usize..range.end as usize).unwrap_or_default();
+        let torn = |e: bytemuck::PodCastError| opened.lose(&format!("its results lie at an odd address: {e}"));
+        let found = bytemuck::try_cast_slice(part(0..back.found)).map_err(torn)?;
+        let counts = bytemuck::try_cast_slice(part(back.counts[0]..back.counts[1])).map_err(torn)?;
+        let ticks: &[u64] = bytemuck::try_cast_slice(part(back.stamps..back.size())).map_err(torn)?;
+        let in_kernel = self.stamps.as_ref().map(|stamps| {
+            let passed = ticks[1].wrapping_sub(ticks[0]);
+            Duration::from_nanos((passed as f64 * stamps.tick) as u64)
+        });
+        read(Answer { found, counts, in_kernel });
+        drop(view);
+        self.room.back.unmap();
+        opened.check()
+    }
+
+    /// Whether the launch in flight, if any, ends within `limit`.
+    pub(crate) fn is_idle(&mut self, limit: Duration) -> bool {
+        self.running.take().is_none_or(|running| self.opened.wait(running.done, limit).is_ok())
+    }
+}
+
+/// How long another thread may take to run a callback that is due.
+const GRACE: Duration = Duration::from_secs(1);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_the_results_are_aligned_and_apart() {
+        for (items, counted) in [(0, 0), (1, 0), (1, 1), (7, 7), (8, 0)] {
+            let back = Back::new(items, counted);
+            assert!(back.found <= back.counts[0] && back.counts[0] < back.counts[0] + 8 * u64::from(counted) + 1);
+            assert!([back.counts[0], back.stamps, back.size()].iter().all(|offset| offset % 8 == 0));
+            assert_eq!(back.counts[1] - back.counts[0], 8 * u64::from(counted));
+            assert!(back.stamps >= back.counts[1]);
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! A scene and the layouts in which a device holds it.
+
+use crate::SceneImage;
+use rt_bvh::offload::Offload;
+use rt_bvh::{Stack, WideTree, count_wide, trace_wide};
+use rt_core::{Hit, MAX_DEPTH, Precision, Ray, Scene, StreamSpec, TestCounts, Walk};
+use rt_shaders::{Layout, Purpose};
+use std::sync::Arc;
+
+/// Which layout is walked for what.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Layouts {
+    /// Where only hits are wanted.
+    pub trace: Layout,
+    /// Where tests are counted. Other than [`Layout::Two`] only for comparing layouts: estimates of several devices can be
+    /// added up only where all count on one layout.
+    pub count: Layout,
+}
+
+impl Layouts {
+    /// What is used unless something else is asked for: hits by the layout that is faster on such devices, counts by the
+    /// two-wide one.
+    ///
+    /// Measured on processors posing as graphics cards. On graphics cards it was not measured here; Ylitie, Karras and Laine
+    /// (2017) report the wide layout to be 1.9 to 2.1 times as fast for incoherent rays, and it needs a third of the memory.
+    #[must_use]
+    pub const fn usual(software: bool) -> Self {
+        Self { trace: if software { SOFTWARE } else { Layout::Wide }, count: Layout::Two }
+    }
+
+    /// The layout of kernels for a purpose.
+    #[must_use]
+    pub const fn of(self, purpose: Purpose) -> Layout {
+        match purpose {
+            Purpose::Arithmetic => Layout::Two,
+            purpose if purpose.counts() => self.count,
+            _ => self.trace,
+        }
+    }
+}
+
+/// The faster layout on processors posing as graphics cards: see docs/results/layouts.md.
+const SOFTWARE: Layout = Layout::Wide;
+
+/// The trees that a device holds of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trees {
+    layouts: Layouts,
+    /// Of both trees; 0 for the wide one where there is none.
+    depths: [u32; 2],
+}
+
+impl Trees {
+    /// The layout that kernels for a purpose walk, and the depth of its tree.
+    #[must_use]
+    pub fn of(self, purpose: Purpose) -> (Layout, u32) {
+        let layout = self.layouts.of(purpose);
+        (layout, self.depths[usize::from(layout == Layout::Wide)])
+    }
+}
+
+/// A scene as a device holds it.
+#[derive(Debug)]
+pub struct GpuScene {
+    given: Arc<Scene>,
+    trees: Trees,
+    /// Dropped when it is on the device, unless the host counts on it.
+    wide: Option<WideTree>,
+    /// For each triangle on the device, where it is in the given scene; empty where that is its own place.
+    slots: Vec<u32>,
+}
+
+impl From<Arc<Scene>> for GpuScene {
+    /// The two-wide layout alone.
+    fn from(given: Arc<Scene>) -> Self {
+        Self::new(given, Layouts::default())
+    }
+}
+
+impl GpuScene {
+    /// Makes the wide tree where a layout asks for it. One that is too deep for the kernels is left out, and the two-wide one
+    /// does all.
+    #[must_use]
+    pub fn new(given: Arc<Scene>, layouts: Layouts) -> Self {
+        let wanted = layouts.trace == Layout::Wide || layouts.count == Layout::Wide;
+        let wide = wanted.then(|| WideTree::new(&given)).filter(|tree| tree.depth() <= MAX_DEPTH);
+        let depths = [given.depth(), wide.as_ref().map_or(0, WideTree::depth)];
+        let layouts = if wide.is_some() { layouts } else { Layouts::default() };
+        Self { given, trees: Trees { layouts, depths }, wide, slots: Vec::new() }
+    }
+
+    /// What the device is to hold.
+    #[must_use]
+    pub fn image(&self) -> SceneImage<'_> {
+        match &self.wide {
+            Some(tree) => SceneImage::with_wide(tree),
+            None => SceneImage::new(&self.given),
+        }
+    }
+
+    /// Its trees.
+    #[must_use]
+    pub const fn trees(&self) -> Trees {
+        self.trees
+    }
+
+    /// Frees what was only needed for the image.
+    #[must_use]
+    pub(crate) fn settled(mut self) -> Self {
+        self.slots = match self.wide.take() {
+            Some(tree) if self.trees.layouts.count == Layout::Wide => {
+                let slots = tree.slots().to_vec();
+                self.wide = Some(tree);
+                slots
+            }
+            Some(tree) => tree.into_slots(),
+            None => Vec::new(),
+        };
+        self
+    }
+
+    /// The scene as it was given.
+    pub(crate) fn given(&self) -> &Scene {
+        &self.given
+    }
+
+    /// The hit of a ray with the triangle at a slot of the device's order.
+    pub(crate) fn finish(&self, offload: &Offload<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
+        let given = if self.slots.is_empty() { Some(slot) } else { self.slots.get(slot as usize).copied() };
+        offload.finish(ray, given?)
+    }
+
+    /// Traces a ray on the host, with counts as the device would count.
+    pub(crate) fn trace(&self, stack: &mut Stack, spec: StreamSpec, ray: (Ray, u32)) -> (Hit, TestCounts) {
+        let mut out = (Hit::MISS, TestCounts::default());
+        let sink = |hit, counts| out = (hit, counts);
+        match &self.wide {
+            Some(tree) if spec.counts => trace_wide(tree, stack, spec, std::iter::once(ray), sink),
+            _ => rt_bvh::trace(&self.given, stack, spec, std::iter::once(ray), sink),
+        }
+        out
+    }
+
+    /// Counts a ray's tests on the host as the device would.
+    pub(crate) fn count(&self, stack: &mut Stack, walk: Walk, precision: Precision, ray: (Ray, u32)) -> TestCounts {
+        let mut out = TestCounts::default();
+        let sink = |_, counts| out = counts;
+        match &self.wide {
+            Some(tree) => count_wide(tree, stack, walk, precision, std::iter::once(ray), sink),
+            None => rt_bvh::count(&self.given, stack, walk, precision, std::iter::once(ray), sink),
+        }
+        out
+    }
+}

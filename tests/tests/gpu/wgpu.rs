@@ -1,0 +1,126 @@
+//! Kernels without wgpu's checks, kernels that fail, and a device that goes away.
+
+use crate::{Found, LIMIT, hits};
+use backend_wgpu::{Options, WgpuDevice};
+use libtest_mimic::{Failed, Trial};
+use rt_bvh::Builder;
+use rt_core::{Device, DeviceError, DeviceErrorKind, Launch, RaySource, StreamSpec, tasks_of};
+use rt_shaders::{Kernel, Purpose};
+use rt_tests::conformance::clock;
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
+use std::sync::Arc;
+use std::time::Duration;
+
+pub(crate) fn trials(found: &Found) -> Vec<Trial> {
+    vec![
+        found.trial("trusted_kernels_find_what_checked_ones_find", trusted_kernels_find_what_checked_ones_find),
+        found.trial("a_kernel_that_does_not_compile_is_unsupported", a_kernel_that_does_not_compile_is_unsupported),
+        found.trial("a_poisoned_kernel_changes_hits", a_poisoned_kernel_changes_hits),
+        found.trial("a_lost_device_is_an_error_and_no_end", a_lost_device_is_an_error_and_no_end),
+        found.trial("a_launch_that_takes_too_long_is_hung", a_launch_that_takes_too_long_is_hung),
+    ]
+}
+
+fn open(found: &Found, options: Options) -> Result<WgpuDevice, Failed> {
+    let devices = WgpuDevice::enumerate(options)?;
+    Ok(devices.into_iter().nth(found.position).ok_or("the device is gone")??)
+}
+
+/// Both give the processor's hits and counts. Fails when an unchecked kernel reads beyond a buffer's end and uses it.
+fn trusted_kernels_find_what_checked_ones_find(found: &Found) -> Result<(), Failed> {
+    let device = open(found, Options { trusted: true, ..Options::default() })?;
+    for triangles in [shapes::soup(3_000, 0.1, 7), shapes::soup(1, 1.0, 7), Vec::new()] {
+        let scene = tree::build(&triangles, Builder::Sah)?;
+        let rays = RayMaker::new(&triangles, 4).mixed(5_000);
+        hits::compare_rays(&device, &scene, &rays)?;
+        hits::compare_rays(&*found.device, &scene, &rays)?;
+    }
+    Ok(())
+}
+
+/// One ray at one triangle; the error of whatever call fails first.
+fn trace_one(device: &WgpuDevice, limit: Duration) -> Result<Launch, DeviceError> {
+    let triangles = shapes::grid(1, 0.0, 0);
+    let scene = tree::build(&triangles, Builder::Sah).map_err(|e| DeviceError::new(DeviceErrorKind::Lost, e))?;
+    let mut tracer = device.tracer(scene, clock)?;
+    let rays: Arc<[_]> = RayMaker::new(&triangles, 1).mixed(64).into_iter().map(|(ray, _)| ray).collect();
+    tracer.load_rays(RaySource::Explicit { rays, origins: None }, StreamSpec::default())?;
+    let ticket = tracer.submit(&tasks_of(64, u32::MAX), None)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, limit, &mut launch).map(|()| launch)
+}
+
+fn must_be(kind: DeviceErrorKind, answer: Result<Launch, DeviceError>) -> Result<(), Failed> {
+    match answer {
+        Err(error) if error.kind() == kind => Ok(()),
+        other => Err(format!("not {kind:?}, but {other:?}").into()),
+    }
+}
+
+fn a_kernel_that_does_not_compile_is_unsupported(found: &Found) -> Result<(), Failed> {
+    let broken = |kernel: &'static Kernel| match kernel.purpose {
+        Purpose::Arithmetic => kernel.wgsl.to_owned(),
+        _ => kernel.wgsl.replacen("fn trace(", "fn trace(nobody: Heard,", 1),
+    };
+    let device = open(found, Options { kernels: Some(broken), ..Options::default() })?;
+    must_be(DeviceErrorKind::Unsupported, trace_one(&device, LIMIT))?;
+    let wrong_bindings = |kernel: &'static Kernel| match kernel.purpose {
+        Purpose::Arithmetic => kernel.wgsl.to_owned(),
+        _ => kernel
+            .wgsl
+            .replace("@group(0) @binding(7)", "@group(0) @binding(9)")
+            .replace("COUNT: bool = false", "COUNT: bool = true"),
+    };
+    let device = open(found, Options { kernels: Some(wrong_bindings), ..Options::default() })?;
+    must_be(DeviceErrorKind::Unsupported, trace_one(&device, LIMIT))?;
+    // Nothing of that reaches the device that the other tests use.
+    let scene = tree::build(&shapes::grid(1, 0.0, 0), Builder::Sah)?;
+    hits::compare_rays(&*found.device, &scene, &RayMaker::new(&shapes::grid(1, 0.0, 0), 1).mixed(100))
+}
+
+/// The device traces, not the host: with a kernel that finds nothing, nothing is found.
+fn a_poisoned_kernel_changes_hits(found: &Found) -> Result<(), Failed> {
+    let poisoned = |kernel: &'static Kernel| kernel.wgsl.replace("found[item] = best;", "found[item] = MISS;");
+    let device = open(found, Options { kernels: Some(poisoned), ..Options::default() })?;
+    let launch = trace_one(&device, LIMIT)?;
+    let honest = trace_one(&open(found, Options::default())?, LIMIT)?;
+    let hits = |launch: &Launch| launch.hits.iter().filter(|hit| hit.is_hit()).count();
+    if hits(&launch) == 0 && hits(&honest) > 5 {
+        Ok(())
+    } else {
+        Err(format!("{} hits with a poisoned kernel, {} with an honest one", hits(&launch), hits(&honest)).into())
+    }
+}
+
+fn a_lost_device_is_an_error_and_no_end(found: &Found) -> Result<(), Failed> {
+    let device = open(found, Options::default())?;
+    let scene = tree::build(&shapes::grid(1, 0.0, 0), Builder::Sah)?;
+    let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
+    let rays: Arc<[_]> = RayMaker::new(&shapes::grid(1, 0.0, 0), 1).mixed(8).into_iter().map(|(ray, _)| ray).collect();
+    let source = RaySource::Explicit { rays, origins: None };
+    tracer.load_rays(source.clone(), StreamSpec::default())?;
+    device.provoke_loss();
+    let submitted = tracer.submit(&tasks_of(8, u32::MAX), None);
+    must_be(DeviceErrorKind::Lost, submitted.map(|_| Launch::default()))?;
+    must_be(DeviceErrorKind::Lost, tracer.load_rays(source, StreamSpec::default()).map(|()| Launch::default()))?;
+    must_be(DeviceErrorKind::Lost, trace_one(&device, LIMIT))?;
+    // The same card, opened anew, is as good as before.
+    trace_one(&open(found, Options::default())?, LIMIT).map(drop).map_err(Failed::from)
+}
+
+/// A kernel that counts to a large number first, and a wait of no time at all.
+fn a_launch_that_takes_too_long_is_hung(found: &Found) -> Result<(), Failed> {
+    let slow = |kernel: &'static Kernel| match kernel.purpose {
+        Purpose::Arithmetic => kernel.wgsl.to_owned(),
+        _ => {
+            let wait = "var round = work.count;\n    while round != 1u { round = select(round * 3u + 1u, round / 2u, \
+                        round % 2u == 0u); }\n    for (var i = 0u; i < 20000000u * round; i += 1u) { found[item] = i ^ work.count; }\n    \
+                        found[item] = best;";
+            kernel.wgsl.replacen("found[item] = best;", wait, 1)
+        }
+    };
+    let device = open(found, Options { kernels: Some(slow), ..Options::default() })?;
+    must_be(DeviceErrorKind::Hung, trace_one(&device, Duration::ZERO))?;
+    must_be(DeviceErrorKind::Lost, trace_one(&device, LIMIT))
+}
