@@ -21,7 +21,8 @@ pub struct Options {
     /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
     /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
+    /// one alone ([`Layouts::default`]) may.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
     /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
@@ -141,7 +142,7 @@ impl VulkanDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let layouts = options.layouts.unwrap_or(Layouts::usual(is_software));
+        let layouts = options.layouts.unwrap_or(Layouts::USUAL);
         Ok(Self { info, card, layouts, shared: Arc::new(shared) })
     }
 

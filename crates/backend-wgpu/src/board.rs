@@ -48,7 +48,8 @@ impl WgpuBoard {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
-        let wide = upload(image.wide())?;
+        let (what, bytes) = image.wide();
+        let wide = upload((&what, bytes))?;
         sender.finish()?;
         let slots = (0..=IN_FLIGHT).map(|_| Slot::new(opened)).collect::<Result<Vec<_>, _>>()?;
         let trees = scene.trees();

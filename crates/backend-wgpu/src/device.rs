@@ -19,7 +19,7 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`].
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
@@ -116,7 +116,7 @@ impl WgpuDevice {
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
+        let layouts = options.layouts.unwrap_or(Layouts::USUAL);
         Ok(Self { info, card, layouts, shared: Arc::new(shared) })
     }
 

@@ -76,12 +76,16 @@ pub(crate) struct BalanceArgs {
     #[arg(long, value_name = "LIST")]
     pub(crate) devices: Option<String>,
     /// How the cost of a task is estimated
-    #[arg(long, value_enum, default_value_t = EstimatorArg::Exact)]
+    #[arg(long, value_enum, default_value_t = EstimatorArg::Auto)]
     pub(crate) estimator: EstimatorArg,
-    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156)
-    #[arg(long, value_parser = parse_fraction, default_value = "1/64", value_name = "F")]
-    pub(crate) fraction: f64,
-    /// What a reduced walk does at a leaf: count it as the hit, or never shorten the ray
+    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156); default 1/64;
+    /// the estimator auto follows its budget instead, and adaptive begins with 1/256
+    #[arg(long, value_parser = parse_fraction, value_name = "F")]
+    pub(crate) fraction: Option<f64>,
+    /// Share of the trace that the estimator auto may spend on sampling (such as 0.005)
+    #[arg(long, value_parser = parse_share, default_value = "0.005", value_name = "F")]
+    pub(crate) budget: f64,
+    /// What a reduced walk does at a leaf
     #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
     pub(crate) reduced: ReducedArg,
     /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
@@ -304,12 +308,18 @@ impl From<PrecisionArg> for Precision {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum EstimatorArg {
+    /// Whichever of exact, field and history predicted such streams best, within --budget
+    Auto,
     /// All rays cost the same
     Uniform,
     /// Box and triangle tests of sampled rays, without triangles
     Reduced,
     /// Full traversal of sampled rays, whose hits are kept
     Exact,
+    /// As exact, with as many samples as they are worth, where they are worth most
+    Adaptive,
+    /// As exact, with a map of where in the scene rays are dear
+    Field,
     /// Measured times of the previous pass or frame
     History,
 }
@@ -320,6 +330,10 @@ pub(crate) enum ReducedArg {
     Leaf,
     /// The ray is never shortened
     Unshortened,
+    /// The ray is cut by a plane for each leaf, as often as its triangles cover it (CPU devices)
+    Plane,
+    /// Only the top of the tree is walked, over calibrated stubs (CPU devices)
+    Truncated,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -349,6 +363,13 @@ fn parse_fraction(text: &str) -> Result<f64, String> {
         None => number(text)?,
     };
     if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
+    }
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {
