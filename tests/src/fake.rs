@@ -1,9 +1,10 @@
 //! A device without hardware, and its broken sisters: proof that the conformance suite can fail.
 
 use rt_bvh::Stack;
+use rt_core::intersect::Shear;
 use rt_core::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
-    StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+    StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -44,11 +45,23 @@ pub enum Flaw {
     Appends,
     /// Every ray is normalised in single precision first.
     Normalizes,
+    /// One of the three edges of a triangle does not belong to it: `>` for `≥`.
+    OpenEdge,
+    /// One edge function has the wrong sign.
+    FlippedSign,
+    /// What is met a little before `tmin` counts too.
+    Thick,
+    /// Hits nearer than a ten-thousandth of a unit do not count, whatever the unit.
+    AbsoluteEpsilon,
+    /// Rays that are not valid hit primitive 0.
+    AcceptsInvalid,
+    /// Primitive ids pass through single precision.
+    RoundedIds,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 22] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -65,6 +78,12 @@ impl Flaw {
         Self::WrongClock,
         Self::Appends,
         Self::Normalizes,
+        Self::OpenEdge,
+        Self::FlippedSign,
+        Self::Thick,
+        Self::AbsoluteEpsilon,
+        Self::AcceptsInvalid,
+        Self::RoundedIds,
     ];
 }
 
@@ -165,8 +184,22 @@ impl FakeTracer {
         if self.has(Flaw::Normalizes) {
             ray.direction = ray.direction.normalize();
         }
+        if self.has(Flaw::Thick) {
+            ray.tmin -= 1e-3;
+        }
+        if self.has(Flaw::AbsoluteEpsilon) {
+            ray.tmin = ray.tmin.max(1e-4);
+        }
         let (mut hit, mut counts) = self.once(stack, ray, origin, walk);
         match self.flaw {
+            // The other triangle of the edge, which has its own open edge, or what is behind.
+            Some(Flaw::OpenEdge) if hit.v == 0.0 && hit.is_hit() => {
+                let (other, _) = self.once(stack, ray, hit.primitive, walk);
+                hit = if other.v == 0.0 { Hit::MISS } else { other };
+            }
+            Some(Flaw::FlippedSign) => hit = self.mirrored(&ray, origin),
+            Some(Flaw::AcceptsInvalid) if !ray.is_valid() => hit = Hit { t: 0.0, u: 0.0, v: 0.0, primitive: 0 },
+            Some(Flaw::RoundedIds) if hit.is_hit() => hit.primitive = hit.primitive as f32 as u32,
             Some(Flaw::Misses) => hit = Hit::MISS,
             Some(Flaw::Miscounts) => counts.boxes += 1,
             Some(Flaw::Imprecise) if hit.is_hit() => hit.t = hit.t.next_up(),
@@ -180,6 +213,21 @@ impl FakeTracer {
             _ => {}
         }
         (hit, counts)
+    }
+
+    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
+    /// opposite the first vertex is hit.
+    fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
+        let shear = ray.is_valid().then(|| Shear::new(ray.origin, ray.direction));
+        let scale = 2.0_f32.powi(self.scene.scale_exponent());
+        let hits = self.scene.triangles().iter().enumerate().filter_map(|(slot, triangle)| {
+            // The mirror image of the first vertex stands for the other side of the edge.
+            let [a, b, c] = triangle.scaled(scale).vertices();
+            let met = shear?.intersect(&Triangle::new(b + c - a, b, c))?;
+            let primitive = self.scene.primitives().get(slot);
+            met.to_hit(1.0, ray.tmin, ray.tmax, primitive).filter(|_| primitive != origin)
+        });
+        hits.fold(Hit::MISS, |best, hit| if hit.is_before(&best) { hit } else { best })
     }
 
     fn once(&self, stack: &mut Stack, ray: Ray, origin: u32, walk: Option<Walk>) -> (Hit, TestCounts) {

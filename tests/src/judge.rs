@@ -4,8 +4,8 @@
 //! obvhs, our own `fast`) promise less: of hits at one distance any, and a `t` that is as exact as their arithmetic. So
 //! an answer of theirs that the verdict does not admit is either another of tied hits, or an [`Error`] of a named kind.
 
-use crate::reference::{Nearest, Verdict, meeting};
 use rt_core::{Hit, Query, Ray, Triangle};
+use rt_verify::reference::{Nearest, Verdict, meeting};
 use std::fmt;
 
 /// Rounding error of one operation in single precision.
@@ -174,11 +174,11 @@ pub fn t_bound(ray: &Ray, triangle: &Triangle, t: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rays::{Aim, RayMaker};
-    use crate::reference::Reference;
-    use crate::shapes;
     use glam::Vec3;
     use rt_core::intersect;
+    use rt_verify::rays::{Aim, RayMaker};
+    use rt_verify::reference::Reference;
+    use rt_verify::shapes;
 
     fn at_depth(z: f32) -> Triangle {
         Triangle::new(Vec3::new(-1.0, -1.0, z), Vec3::new(3.0, -1.0, z), Vec3::new(-1.0, 3.0, z))

@@ -1,12 +1,12 @@
 //! Test equipment for raybalance and its backends.
 //!
 //! * [`conformance`]: what every device must do, as cases that any backend can run.
-//! * [`mod@reference`]: the exact answer for a ray, or the reason why there is more than one; [`brute`]: the defined bits.
-//! * [`shapes`], [`rays`], [`scenes`]: triangles and rays that make trouble, and real scenes.
-//! * [`strategy`]: the same for proptest.
+//! * [`scenes`]: real scenes; [`strategy`]: the shapes and rays of `rt_verify` for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.
 //! * [`peers`]: Embree and obvhs behind our traits; [`judge`]: who is right where they differ from us.
-//! * [`fake`]: a correct device without hardware, and flawed ones that the suite must find out.
+//! * [`fake`]: a correct device without hardware, and flawed ones that the suites must find out.
+//!
+//! The exact reference, brute force, shapes and rays are in `rt_verify`, whose suite users run.
 //!
 //! # Current state and limits
 //!
@@ -16,19 +16,13 @@
 //! * The reference tests every ray with every triangle: about 10⁸ tests a second on one core.
 #![forbid(unsafe_code)]
 
-pub mod brute;
 pub mod conformance;
-pub mod exact;
 pub mod fake;
 pub mod judge;
 pub mod parity;
 pub mod peers;
-pub mod rays;
-pub mod reference;
 pub mod scenes;
-pub mod shapes;
 pub mod strategy;
-pub mod tree;
 
 /// Whether a list separated by commas, the environment variable `RT_REQUIRE`, names what must not be missing.
 #[must_use]

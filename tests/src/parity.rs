@@ -2,14 +2,15 @@
 
 use crate::conformance::clock;
 use crate::judge::{Tally, judge};
-use crate::rays::{Aim, RayMaker};
-use crate::reference::{Reference, Verdict};
-use crate::{scenes, tree};
+use crate::scenes;
 use rayon::prelude::*;
 use rt_core::{
     Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
     tasks_of,
 };
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::{Reference, Verdict};
+use rt_verify::tree;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -1,11 +1,11 @@
 //! Proptest strategies for triangles and rays.
 
-use crate::rays::{Aim, RayMaker};
-use crate::shapes;
 use glam::Vec3;
 use proptest::collection::vec;
 use proptest::prelude::*;
 use rt_core::{Ray, Triangle};
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::shapes;
 
 /// A coordinate: mostly from a small lattice, so that edges, planes and corners coincide.
 pub fn coordinate() -> impl Strategy<Value = f32> {

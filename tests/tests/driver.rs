@@ -14,8 +14,8 @@ use rt_bvh::Builder;
 use rt_core::{ReducedWalk, Walk};
 use rt_sched::sample::Fraction;
 use rt_tests::fake::{FakeDevice, Flaw};
-use rt_tests::rays::RayMaker;
-use rt_tests::{shapes, tree};
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 

@@ -16,8 +16,9 @@ use rt_scene::{Model, builtin};
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::{Exam, Kind, trace_all};
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
-use rt_tests::reference::Reference;
-use rt_tests::{is_required, scenes, strategy, tree};
+use rt_tests::{is_required, scenes, strategy};
+use rt_verify::reference::Reference;
+use rt_verify::tree;
 use std::cell::RefCell;
 use std::sync::Arc;
 

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use rt_bvh::{BuildOptions, Mesh, TreeStats};
 use rt_core::{StreamSpec, TestCounts};
 use rt_scene::{Model, builtin};
-use rt_tests::tree;
+use rt_verify::tree;
 
 /// The image that the statistics are of, and the side of its square tiles, in pixels.
 const SIZE: [u32; 2] = [1024, 640];

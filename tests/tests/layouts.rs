@@ -14,8 +14,9 @@ use rt_core::{
 };
 use rt_scene::builtin;
 use rt_tests::conformance::{Subject, clock, trials};
-use rt_tests::rays::RayMaker;
-use rt_tests::{scenes, shapes, tree};
+use rt_tests::scenes;
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -8,7 +8,7 @@ use rt_core::{Precision, Query};
 use rt_scene::{Model, builtin};
 use rt_tests::parity::Exam;
 use rt_tests::scenes;
-use rt_tests::tree;
+use rt_verify::tree;
 
 /// Rays for each real scene. The reference tests each with every triangle; the program `parity` takes more.
 const RAYS: u32 = 2_000;

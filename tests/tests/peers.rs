@@ -10,12 +10,13 @@ use rt_core::{
     Ticket, Triangle, Walk,
 };
 use rt_tests::conformance::clock;
+use rt_tests::is_required;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::trace_all;
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions, ObvhsDevice, ObvhsLayout};
-use rt_tests::rays::{Aim, RayMaker};
-use rt_tests::reference::Reference;
-use rt_tests::{is_required, shapes, tree};
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::Reference;
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -4,9 +4,10 @@ use glam::Vec3;
 use proptest::prelude::*;
 use rt_bvh::Builder;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, StreamSpec, Walk};
-use rt_tests::rays::{Aim, RayMaker};
-use rt_tests::reference::{Reference, Verdict};
-use rt_tests::{brute, exact, shapes, strategy, tree};
+use rt_tests::strategy;
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::{Reference, Verdict};
+use rt_verify::{brute, exact, shapes, tree};
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]

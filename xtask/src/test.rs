@@ -16,6 +16,9 @@ pub(crate) enum Extent {
     Quick,
 }
 
+/// Rays of each line of the suite `verify` on a Vulkan device: software ones trace a tenth of what the CPU itself does.
+const SOFTWARE_RAYS: u32 = 40_000;
+
 struct Step {
     name: String,
     check: Check,
@@ -99,9 +102,9 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         None => tests.env_remove("RAYBALANCE_SCENES"),
     };
     // Someone who names drivers wants those tested: a real GPU's, say.
-    if setup.software_vulkan && vulkan::DRIVER_VARIABLES.iter().all(|name| std::env::var_os(name).is_none()) {
-        tests.envs(vulkan::environment()?);
-    }
+    let named = vulkan::DRIVER_VARIABLES.iter().any(|name| std::env::var_os(name).is_some());
+    let drivers = if setup.software_vulkan && !named { vulkan::environment()? } else { Vec::new() };
+    tests.envs(drivers.iter().cloned());
     if let Some(library) = &setup.embree {
         tests.env(embree::VARIABLE, library);
     }
@@ -109,6 +112,13 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
+    steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
+    if setup.software_vulkan || named {
+        let rays = format!("run -p rt-cli -- verify --quick --backend vulkan:0 --rays {SOFTWARE_RAYS}");
+        let mut verify = cargo(&rays);
+        verify.envs(drivers);
+        steps.push(command("promises, Vulkan", verify));
+    }
     Ok(steps)
 }
 

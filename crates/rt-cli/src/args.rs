@@ -3,6 +3,7 @@
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
 use rt_bvh::Builder;
+use rt_core::Precision;
 use std::path::PathBuf;
 
 /// Trace a scene over several devices, balanced by estimated cost.
@@ -16,6 +17,7 @@ use std::path::PathBuf;
   raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
   raybalance render room.obj --queue central --estimator uniform --reference
   raybalance trace room.obj --rays rays.npy --hits hits.npy
+  raybalance verify --backend cpu,vulkan:0
 
 Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.")]
 pub(crate) struct Cli {
@@ -31,6 +33,11 @@ pub(crate) enum Command {
     Trace(Box<TraceArgs>),
     /// Measure how fast each device traces, and what reduced traversal costs beside full
     Bench(Box<BenchArgs>),
+    /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices
+    Verify(VerifyArgs),
+    /// Measure what a knob costs and what it buys
+    #[command(subcommand)]
+    Tradeoff(TradeoffCommand),
     /// List the devices of this machine
     Devices(ListArgs),
     /// List the built-in scenes
@@ -69,12 +76,16 @@ pub(crate) struct BalanceArgs {
     #[arg(long, value_name = "LIST")]
     pub(crate) devices: Option<String>,
     /// How the cost of a task is estimated
-    #[arg(long, value_enum, default_value_t = EstimatorArg::Exact)]
+    #[arg(long, value_enum, default_value_t = EstimatorArg::Auto)]
     pub(crate) estimator: EstimatorArg,
-    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156)
-    #[arg(long, value_parser = parse_fraction, default_value = "1/64", value_name = "F")]
-    pub(crate) fraction: f64,
-    /// What a reduced walk does at a leaf: count it as the hit, or never shorten the ray
+    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156); default 1/64;
+    /// the estimator auto follows its budget instead, and adaptive begins with 1/256
+    #[arg(long, value_parser = parse_fraction, value_name = "F")]
+    pub(crate) fraction: Option<f64>,
+    /// Share of the trace that the estimator auto may spend on sampling (such as 0.005)
+    #[arg(long, value_parser = parse_share, default_value = "0.005", value_name = "F")]
+    pub(crate) budget: f64,
+    /// What a reduced walk does at a leaf
     #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
     pub(crate) reduced: ReducedArg,
     /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
@@ -200,6 +211,81 @@ pub(crate) struct BenchArgs {
     pub(crate) out: Option<PathBuf>,
 }
 
+#[derive(Debug, Args)]
+#[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
+pub(crate) struct VerifyArgs {
+    /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Triangle tests that are to keep the promises; fast is known not to
+    #[arg(long, value_enum, default_value_t = PrecisionArg::Robust)]
+    pub(crate) precision: PrecisionArg,
+    /// Under a minute on two cores; the default
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// 10^8 rays at closed surfaces, 10^7 spawned rays, 2^24 triangles
+    #[arg(long, conflicts_with = "quick")]
+    pub(crate) full: bool,
+    /// Rays of each line about closed surfaces, with which the other lines scale [default: 210,000; 6,720,000 with --full]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of rays and meshes
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum TradeoffCommand {
+    /// Fast against robust against double precision: speed, wrong answers, errors of distances
+    Precision(PrecisionTradeoffArgs),
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PrecisionTradeoffArgs {
+    /// yard, car, or OBJ files [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
+    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    pub(crate) backend: String,
+    /// Fewer rays and runs: a look, not a measurement
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Runs of each precision, all in turn [default: 30; 6 with --quick]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) runs: Option<u32>,
+    /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
+    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    pub(crate) size: Option<[u32; 2]>,
+    /// Rays of each stream that the exact reference judges [default: 2000; 200 with --quick]
+    #[arg(long, value_name = "N")]
+    pub(crate) sample: Option<u32>,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    pub(crate) builder: Builder,
+    /// Seed of the rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Folder for precision.json, precision.csv and precision.svg
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+}
+
+impl PrecisionTradeoffArgs {
+    /// Size of the picture, number of runs and of sampled rays.
+    pub(crate) fn effort(&self) -> ([u32; 2], u32, u32) {
+        let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
+        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {
     /// Watertight: single precision, doubtful cases decided in double
@@ -210,14 +296,30 @@ pub(crate) enum PrecisionArg {
     F64,
 }
 
+impl From<PrecisionArg> for Precision {
+    fn from(arg: PrecisionArg) -> Self {
+        match arg {
+            PrecisionArg::Robust => Self::Robust,
+            PrecisionArg::Fast => Self::Fast,
+            PrecisionArg::F64 => Self::Double,
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum EstimatorArg {
+    /// Whichever of exact, field and history predicted such streams best, within --budget
+    Auto,
     /// All rays cost the same
     Uniform,
     /// Box and triangle tests of sampled rays, without triangles
     Reduced,
     /// Full traversal of sampled rays, whose hits are kept
     Exact,
+    /// As exact, with as many samples as they are worth, where they are worth most
+    Adaptive,
+    /// As exact, with a map of where in the scene rays are dear
+    Field,
     /// Measured times of the previous pass or frame
     History,
 }
@@ -228,6 +330,10 @@ pub(crate) enum ReducedArg {
     Leaf,
     /// The ray is never shortened
     Unshortened,
+    /// The ray is cut by a plane for each leaf, as often as its triangles cover it (CPU devices)
+    Plane,
+    /// Only the top of the tree is walked, over calibrated stubs (CPU devices)
+    Truncated,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -257,6 +363,13 @@ fn parse_fraction(text: &str) -> Result<f64, String> {
         None => number(text)?,
     };
     if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
+    }
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

@@ -19,6 +19,8 @@ mod scene_source;
 mod shade;
 mod table;
 mod trace;
+mod tradeoff;
+mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
@@ -36,6 +38,8 @@ pub fn main() -> ExitCode {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Bench(args) => bench::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Tradeoff(command) => tradeoff::run(&command),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

@@ -1,6 +1,6 @@
 //! From the command line's scene argument to a tree that can be traced.
 
-use crate::args::{PrecisionArg, SceneArgs};
+use crate::args::SceneArgs;
 use crate::progress;
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
@@ -42,12 +42,7 @@ pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();
 
-    let precision = match args.precision {
-        Some(PrecisionArg::Robust) => Precision::Robust,
-        Some(PrecisionArg::Fast) => Precision::Fast,
-        Some(PrecisionArg::F64) => Precision::Double,
-        None => plan.precision,
-    };
+    let precision = args.precision.map_or(plan.precision, Precision::from);
     Ok(Prepared { model, built, plan, precision, load_s, build_s })
 }
 
@@ -60,7 +55,8 @@ pub(crate) fn generate(name: &str) -> Option<Model> {
     }
 }
 
-fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
+/// Generates or loads a scene.
+pub(crate) fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
     if let Some(model) = generate(scene) {
         return Ok(model);
     }

@@ -14,6 +14,11 @@ impl Table {
         Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
     }
 
+    /// Whether there is nothing but the header.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.rows.len() < 2
+    }
+
     pub(crate) fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
@@ -84,6 +89,8 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
         "Mray/s",
         "estimate",
         "of trace",
+        "by",
+        "±counts",
         "err counts",
         "err time",
         "makespan",
@@ -99,6 +106,8 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
             format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
             seconds(estimate.seconds),
             percent(estimate.overhead),
+            estimate.chosen.clone(),
+            percent(estimate.std_error),
             percent(estimate.mre_counts),
             percent(estimate.mre_time),
             seconds(report.makespan_s),
@@ -114,7 +123,8 @@ pub(crate) fn streams(runs: &[StreamRun]) -> String {
 
 /// Sums over all streams for each device.
 fn devices(runs: &[StreamRun]) -> Table {
-    let mut table = Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host"]);
+    let mut table =
+        Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host", "fit"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
     for index in 0..count {
@@ -131,6 +141,8 @@ fn devices(runs: &[StreamRun]) -> Table {
             grouped(parts.iter().map(|part| u64::from(part.tasks)).sum()),
             grouped(parts.iter().map(|part| part.rays).sum()),
             grouped(parts.iter().filter_map(|part| part.on_host).sum()),
+            // What the last stream's prices leave unexplained.
+            percent(last.model.map(|model| model.residual)),
         ];
         if let Some(error) = &last.error {
             cells.push(format!("failed: {error}"));

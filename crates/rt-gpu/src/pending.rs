@@ -27,7 +27,7 @@ pub(crate) struct Pending {
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum How {
     Trace(StreamSpec),
-    Reduced(ReducedWalk, Precision),
+    Reduced(ReducedWalk, Purpose),
 }
 
 impl How {
@@ -37,8 +37,7 @@ impl How {
             Self::Trace(StreamSpec { query: Query::Closest, counts: true, .. }) => Purpose::ClosestCounted,
             Self::Trace(StreamSpec { query: Query::Any, counts: false, .. }) => Purpose::Any,
             Self::Trace(StreamSpec { query: Query::Any, counts: true, .. }) => Purpose::AnyCounted,
-            Self::Reduced(ReducedWalk::LeafAsHit, _) => Purpose::LeafAsHit,
-            Self::Reduced(ReducedWalk::Unshortened, _) => Purpose::Unshortened,
+            Self::Reduced(_, purpose) => purpose,
         }
     }
 }
@@ -107,6 +106,6 @@ pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, items: &[u3
 fn on_host(scene: &GpuScene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32)) -> (Hit, TestCounts) {
     match how {
         How::Trace(spec) => scene.trace(stack, spec, ray),
-        How::Reduced(kind, precision) => (Hit::MISS, scene.count(stack, Walk::Reduced(kind), precision, ray)),
+        How::Reduced(kind, _) => (Hit::MISS, scene.count(stack, Walk::Reduced(kind), Precision::default(), ray)),
     }
 }

@@ -4,9 +4,10 @@ use crate::pending::{Finished, How, Pending, finish};
 use crate::{Board, Flight, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Span, StreamSpec, Task, TestCounts, Ticket,
-    Tracer, Traffic, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
+    TestCounts, Ticket, Tracer, Traffic, Walk,
 };
+use rt_shaders::Purpose;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -116,6 +117,18 @@ fn no_rays() -> RaySource {
     RaySource::Explicit { rays: Arc::new([]), origins: None }
 }
 
+/// The kernel of a reduced walk.
+fn purpose_of(walk: ReducedWalk) -> Result<Purpose, DeviceError> {
+    match walk {
+        ReducedWalk::LeafAsHit => Ok(Purpose::LeafAsHit),
+        ReducedWalk::Unshortened => Ok(Purpose::Unshortened),
+        ReducedWalk::LeafPlane | ReducedWalk::Truncated => Err(DeviceError::new(
+            DeviceErrorKind::Unsupported,
+            "GPUs have no kernel for this reduced walk: choose leaf-as-hit or unshortened, or add a CPU device",
+        )),
+    }
+}
+
 impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
@@ -136,7 +149,7 @@ impl<B: Board> Tracer for GpuTracer<B> {
         let how = match walk {
             // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
             Walk::Full => How::Trace(StreamSpec { counts: true, ..self.spec }),
-            Walk::Reduced(kind) => How::Reduced(kind, self.spec.precision),
+            Walk::Reduced(kind) => How::Reduced(kind, purpose_of(kind)?),
         };
         let start = (self.clock)();
         let flight = self.start(how, rays)?;

@@ -3,8 +3,8 @@
 use super::Case;
 use super::fixtures;
 use super::session::{Session, ensure, same_hits};
-use crate::tree;
 use rt_core::{Device, Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
+use rt_verify::tree;
 
 pub(super) const CASES: &[Case] = &[
     Case { name: "counts_are_the_trees_own", run: counts_are_the_trees_own },

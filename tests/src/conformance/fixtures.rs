@@ -1,10 +1,10 @@
 //! The scenes and rays of the suite, with what the exact reference says of them.
 
-use crate::rays::RayMaker;
-use crate::reference::{Reference, Verdict};
-use crate::{brute, shapes, tree};
 use glam::Vec3;
 use rt_core::{Hit, Ray, Scene, Triangle};
+use rt_verify::rays::RayMaker;
+use rt_verify::reference::{Reference, Verdict};
+use rt_verify::{brute, shapes, tree};
 use std::sync::{Arc, OnceLock};
 
 /// Rays for each scene: enough to meet every kind of aim some dozen times.

@@ -3,11 +3,11 @@
 use super::Case;
 use super::fixtures::{self, Fixture};
 use super::session::{Session, ensure, same_hits};
-use crate::rays::{Aim, RayMaker};
-use crate::reference::Reference;
-use crate::{brute, shapes};
 use glam::Vec3;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::reference::Reference;
+use rt_verify::{brute, shapes};
 
 pub(super) const CASES: &[Case] = &[
     Case { name: "equals_brute_force", run: equals_brute_force },

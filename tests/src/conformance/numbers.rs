@@ -3,10 +3,10 @@
 use super::Case;
 use super::fixtures::{self, Fixture};
 use super::session::{Session, ensure, same_hits};
-use crate::rays::RayMaker;
-use crate::shapes;
 use glam::Vec3;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
+use rt_verify::rays::RayMaker;
+use rt_verify::shapes;
 
 pub(super) const CASES: &[Case] = &[
     Case { name: "invalid_rays_miss", run: invalid_rays_miss },

@@ -4,19 +4,15 @@ use rt_core::{
     Device, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket,
     Tracer, Walk, tasks_of,
 };
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The clock that tracers under test are given.
+pub use rt_verify::clock;
 
 /// The longest any launch of the suite may take. They take milliseconds; a loaded machine may be a thousand times
 /// slower.
 pub(super) const LIMIT: Duration = Duration::from_secs(60);
-
-/// Time since the process first asked for it: the clock that tracers under test are given.
-#[must_use]
-pub fn clock() -> Duration {
-    static ORIGIN: OnceLock<Instant> = OnceLock::new();
-    ORIGIN.get_or_init(Instant::now).elapsed()
-}
 
 /// Returns an error with the message unless the condition holds.
 macro_rules! ensure {

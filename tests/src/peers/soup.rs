@@ -38,7 +38,7 @@ impl Soup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{shapes, tree};
+    use rt_verify::{shapes, tree};
 
     // Guards against: a wrong sign of the exponent, ids of leaf order.
     #[test]

@@ -14,8 +14,8 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use rt_bvh::Builder;
 use rt_core::{Ray, Scene};
 use rt_shaders::{Kernel, Purpose};
-use rt_tests::rays::{Aim, RayMaker};
-use rt_tests::{shapes, tree};
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::{shapes, tree};
 use std::process::Command;
 use std::sync::Arc;
 

@@ -9,8 +9,9 @@ use rt_core::{
 };
 use rt_scene::Model;
 use rt_tests::conformance::clock;
-use rt_tests::rays::{Aim, RayMaker};
-use rt_tests::{scenes, shapes, tree};
+use rt_tests::scenes;
+use rt_verify::rays::{Aim, RayMaker};
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 
 /// Rays of each kind of query on each scene.

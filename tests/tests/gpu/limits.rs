@@ -5,7 +5,7 @@ use libtest_mimic::Failed;
 use rt_bvh::Builder;
 use rt_core::{Camera, CameraRays, DeviceErrorKind, Launch, RaySource, StreamSpec, Task};
 use rt_tests::conformance::clock;
-use rt_tests::{shapes, tree};
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 
 /// More rays than the device binds at once, without a byte of host memory for them: one camera pixel, many samples.

@@ -6,8 +6,8 @@ use libtest_mimic::{Completion, Failed, Trial};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Device, Hit, QueueKind, RaySource, Scheduling, Stream, StreamKind, StreamSpec};
 use rt_bvh::Builder;
-use rt_tests::rays::RayMaker;
-use rt_tests::{shapes, tree};
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 
 const RAYS: u32 = 20_000;

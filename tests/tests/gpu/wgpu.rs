@@ -7,8 +7,8 @@ use rt_bvh::Builder;
 use rt_core::{Device, DeviceError, DeviceErrorKind, Launch, RaySource, StreamSpec, tasks_of};
 use rt_shaders::{Kernel, Purpose};
 use rt_tests::conformance::clock;
-use rt_tests::rays::RayMaker;
-use rt_tests::{shapes, tree};
+use rt_verify::rays::RayMaker;
+use rt_verify::{shapes, tree};
 use std::sync::Arc;
 use std::time::Duration;
 

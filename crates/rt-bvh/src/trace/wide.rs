@@ -30,11 +30,11 @@
 
 use super::slabs::{Frame, LocalRay};
 use super::triangle::REACH;
-use super::walk::{Stack, Visitor, walk_two};
+use super::walk::{Stack, Visitor, walk_nodes};
 use crate::wide::{WIDTH, WideNode, WideTree};
 use core::ops::ControlFlow;
 use glam::Vec3;
-use rt_core::{Hit, Ray, TestCounts};
+use rt_core::{Hit, Ray, Scene, TestCounts};
 
 /// Bits of a word of hits that stand for nodes; the others stand for triangles.
 const NODES: u32 = 0xff00_0000;
@@ -64,7 +64,7 @@ struct WideSlabs {
 /// Walks every ray with a visitor of its own.
 pub(super) fn each<'a, V, R, S>(tree: &'a WideTree, stack: &mut Stack, rays: R, mut sink: S)
 where
-    V: Visitor<'a>,
+    V: Visitor<'a, Data = Scene>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
@@ -82,7 +82,7 @@ where
             // The visitor leaves the loop early when it knows the answer.
             let _ = walk(tree.nodes(), &mut stack.groups, &slabs, &mut visitor);
         } else {
-            walk_two(scene, stack, &mut visitor);
+            walk_nodes(scene.nodes(), stack, &mut visitor);
         }
         let (hit, counts) = visitor.finish();
         sink(hit, counts);

@@ -5,6 +5,8 @@ use glam::Vec3;
 use rt_bvh::{BuildOptions, Builder, InvalidTriangles, Mesh, Stack, build, count, trace};
 use rt_core::intersect::hit;
 use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk, random};
+use rt_verify::shapes;
+use std::collections::HashMap;
 
 /// A mesh that owns its buffers.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +18,21 @@ pub(crate) struct Model {
 impl Model {
     pub(crate) fn mesh(&self) -> Mesh<'_> {
         Mesh { positions: &self.positions, indices: &self.indices }
+    }
+
+    /// Triangles in their order; equal vertices are shared.
+    pub(crate) fn of(triangles: &[Triangle]) -> Self {
+        let mut model = Self::default();
+        let mut known = HashMap::new();
+        for triangle in triangles {
+            model.indices.push(triangle.vertices().map(|p| {
+                *known.entry(p.to_array().map(f32::to_bits)).or_insert_with(|| {
+                    model.positions.push(p);
+                    model.positions.len() as u32 - 1
+                })
+            }));
+        }
+        model
     }
 
     pub(crate) fn push(&mut self, vertices: [Vec3; 3]) {
@@ -143,117 +160,22 @@ impl Random {
 
 /// Random triangles of the given size in the unit cube.
 pub(crate) fn soup(count: usize, size: f32, seed: u32) -> Model {
-    let mut random = Random::new(seed);
-    let mut model = Model::default();
-    for _ in 0..count {
-        let at = random.point();
-        model.push([at, at + size * random.point(), at + size * random.point()]);
-    }
-    model
+    Model::of(&shapes::soup(count as u32, size, seed))
 }
 
 /// A height field of `n × n` squares with shared vertices.
 pub(crate) fn grid(n: u32, seed: u32) -> Model {
-    let mut random = Random::new(seed);
-    let mut model = Model::default();
-    for y in 0..=n {
-        for x in 0..=n {
-            model.positions.push(Vec3::new(x as f32 / n as f32, 0.2 * random.unit(), y as f32 / n as f32));
-        }
-    }
-    for y in 0..n {
-        for x in 0..n {
-            let corner = y * (n + 1) + x;
-            model.indices.push([corner, corner + 1, corner + n + 1]);
-            model.indices.push([corner + 1, corner + n + 2, corner + n + 1]);
-        }
-    }
-    model
+    Model::of(&shapes::grid(n, 0.2, seed))
 }
 
 /// A closed sphere of 20 · 4^`level` triangles with shared vertices.
 pub(crate) fn icosphere(level: u32) -> Model {
-    let g = 1.618_034_f32;
-    let mut positions: Vec<Vec3> = [
-        (-1.0, g, 0.0),
-        (1.0, g, 0.0),
-        (-1.0, -g, 0.0),
-        (1.0, -g, 0.0),
-        (0.0, -1.0, g),
-        (0.0, 1.0, g),
-        (0.0, -1.0, -g),
-        (0.0, 1.0, -g),
-        (g, 0.0, -1.0),
-        (g, 0.0, 1.0),
-        (-g, 0.0, -1.0),
-        (-g, 0.0, 1.0),
-    ]
-    .map(|(x, y, z)| Vec3::new(x, y, z).normalize())
-    .to_vec();
-    let mut indices = vec![
-        [0, 11, 5],
-        [0, 5, 1],
-        [0, 1, 7],
-        [0, 7, 10],
-        [0, 10, 11],
-        [1, 5, 9],
-        [5, 11, 4],
-        [11, 10, 2],
-        [10, 7, 6],
-        [7, 1, 8],
-        [3, 9, 4],
-        [3, 4, 2],
-        [3, 2, 6],
-        [3, 6, 8],
-        [3, 8, 9],
-        [4, 9, 5],
-        [2, 4, 11],
-        [6, 2, 10],
-        [8, 6, 7],
-        [9, 8, 1],
-    ];
-    for _ in 0..level {
-        let mut middles = std::collections::HashMap::new();
-        let mut finer = Vec::with_capacity(indices.len() * 4);
-        for [a, b, c] in indices {
-            let mut middle = |i: u32, j: u32| {
-                *middles.entry((i.min(j), i.max(j))).or_insert_with(|| {
-                    positions.push((positions[i as usize] + positions[j as usize]).normalize());
-                    positions.len() as u32 - 1
-                })
-            };
-            let (ab, bc, ca) = (middle(a, b), middle(b, c), middle(c, a));
-            finer.extend([[a, ab, ca], [b, bc, ab], [c, ca, bc], [ab, bc, ca]]);
-        }
-        indices = finer;
-    }
-    Model { positions, indices }
+    Model::of(&shapes::icosphere(level))
 }
 
 /// A closed axis-aligned cube of half edge 1, each face `n × n` squares with shared vertices.
 pub(crate) fn cube(n: u32) -> Model {
-    let mut model = Model::default();
-    let mut vertices = std::collections::HashMap::new();
-    let at = |i: u32| 2.0 * i as f32 / n as f32 - 1.0;
-    for axis in 0..3 {
-        for side in [0, n] {
-            for i in 0..n {
-                for j in 0..n {
-                    let corners = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]].map(|[i, j]| {
-                        let mut cell = [0; 3];
-                        (cell[axis], cell[(axis + 1) % 3], cell[(axis + 2) % 3]) = (side, i, j);
-                        *vertices.entry(cell).or_insert_with(|| {
-                            model.positions.push(Vec3::from(cell.map(at)));
-                            model.positions.len() as u32 - 1
-                        })
-                    });
-                    model.indices.push([corners[0], corners[1], corners[2]]);
-                    model.indices.push([corners[0], corners[2], corners[3]]);
-                }
-            }
-        }
-    }
-    model
+    Model::of(&shapes::box_grid(n))
 }
 
 /// Rays of every kind that is known to break traversals, aimed at the model from in and around it.

@@ -2,19 +2,16 @@
 
 use super::bars::{self, Bar};
 use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
+use super::svg::{Area, Drawn, FAINT, Look, picture, rectangle, text};
 use crate::output::write_atomically;
-use anyhow::{Result, anyhow};
-use plotters::coord::Shift;
+use anyhow::Result;
 use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::text_anchor::HPos;
 use rt_balance::report::{ActivityKind, StreamRun};
 use std::path::Path;
 
 /// Most panels of a picture: a browser still scrolls through these. The longest streams are kept.
 const MOST_PANELS: usize = 16;
-
-/// plotters places things at whole units; with eight to a pixel, gaps far thinner than a pixel keep their place.
-const UNITS: f64 = 8.0;
 
 /// Sizes in pixels.
 const WIDTH: f64 = 1200.0;
@@ -40,10 +37,6 @@ const ESTIMATE: RGBColor = RGBColor(0xe6, 0x9f, 0x00);
 const LAUNCH: [RGBColor; 2] = [RGBColor(0x00, 0x72, 0xb2), RGBColor(0x56, 0xb4, 0xe9)];
 const MAKESPAN: RGBColor = RGBColor(0xd5, 0x5e, 0x00);
 const IDLE: RGBColor = RGBColor(0xe6, 0xe6, 0xe6);
-const INK: RGBColor = RGBColor(0x22, 0x22, 0x22);
-const FAINT: RGBColor = RGBColor(0x66, 0x66, 0x66);
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 /// Writes the chart of a run, its streams below one another in the order given.
 ///
@@ -59,25 +52,15 @@ fn draw(runs: &[StreamRun]) -> Result<String> {
     let panels: Vec<Panel<'_>> = shown.iter().map(|run| Panel::new(run)).collect();
     let height = HEADER + panels.iter().map(Panel::height).sum::<f64>() + MARGIN;
 
-    let mut svg = String::new();
-    let size = (units(WIDTH) as u32, units(height) as u32);
-    {
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        let drawing = || -> Drawn {
-            area.fill(&WHITE)?;
-            header(&area, shown.len(), runs.len())?;
-            let mut top = HEADER;
-            for panel in &panels {
-                panel.draw(&area, top)?;
-                top += panel.height();
-            }
-            area.present()
-        };
-        drawing().map_err(|error| anyhow!("cannot draw the timeline: {error}"))?;
-    }
-    // The view box keeps the fine units; the picture is shown in pixels.
-    let fine = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-    Ok(svg.replacen(&fine, &format!("width=\"{WIDTH}\" height=\"{height}\""), 1))
+    picture("the timeline", (WIDTH, height), |area| {
+        header(area, shown.len(), runs.len())?;
+        let mut top = HEADER;
+        for panel in &panels {
+            panel.draw(area, top)?;
+            top += panel.height();
+        }
+        Ok(())
+    })
 }
 
 /// The streams with the longest makespans, in their own order.
@@ -88,8 +71,6 @@ fn longest(runs: &[StreamRun]) -> Vec<&StreamRun> {
     order.sort_unstable();
     order.into_iter().map(|index| &runs[index]).collect()
 }
-
-type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 fn header(area: &Area<'_>, shown: usize, all: usize) -> Drawn {
     let title = match all {
@@ -288,38 +269,6 @@ fn shortened(text: &str, most: usize) -> String {
     }
     let tail = (most - 1) / 3;
     text.chars().take(most - 1 - tail).chain(['…']).chain(text.chars().skip(count - tail)).collect()
-}
-
-fn units(pixels: f64) -> i32 {
-    (pixels * UNITS).round() as i32
-}
-
-fn rectangle(area: &Area<'_>, from: (f64, f64), to: (f64, f64), color: &RGBColor) -> Drawn {
-    // At least one unit wide, or nothing would be seen of it.
-    let right = units(to.0).max(units(from.0) + 1);
-    area.draw(&Rectangle::new([(units(from.0), units(from.1)), (right, units(to.1))], color.filled()))
-}
-
-/// How text looks: size in pixels, and which end of it is at the place given. Its middle is at the height given.
-#[derive(Clone, Copy)]
-struct Look {
-    size: f64,
-    bold: bool,
-    color: RGBColor,
-    align: HPos,
-}
-
-impl Default for Look {
-    fn default() -> Self {
-        Self { size: 13.0, bold: false, color: INK, align: HPos::Left }
-    }
-}
-
-fn text(area: &Area<'_>, text: &str, at: (f64, f64), look: Look) -> Drawn {
-    let style = if look.bold { FontStyle::Bold } else { FontStyle::Normal };
-    let font = ("sans-serif", units(look.size), style).into_font().color(&look.color);
-    let style = font.pos(Pos::new(look.align, VPos::Center));
-    area.draw(&Text::new(text.to_owned(), (units(at.0), units(at.1)), style))
 }
 
 #[cfg(test)]

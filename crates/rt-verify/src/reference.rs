@@ -6,9 +6,11 @@
 
 use crate::brute;
 use crate::exact::{self, Contact, EDGE_TOLERANCE};
+use core::fmt;
 use glam::DVec3;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray, Triangle};
+use std::collections::HashSet;
 
 /// How far a reported `t` may lie from the exact one beyond the tolerances of [`crate::exact`], in units of its last
 /// place. Rounding to single precision moves it by half a unit; the rest allows one more single-precision operation.
@@ -32,6 +34,34 @@ pub enum Verdict {
     },
 }
 
+/// Most candidates that are written out.
+const SHOWN: usize = 3;
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (candidates, may_miss) = match self {
+            Self::Unambiguous(None) => return f.write_str("it must miss"),
+            Self::Unambiguous(Some(nearest)) => return write!(f, "it must hit {nearest}"),
+            Self::Ambiguous { candidates, may_miss } => (candidates, may_miss),
+        };
+        write!(f, "it may hit ")?;
+        for (i, candidate) in candidates.iter().take(SHOWN).enumerate() {
+            write!(f, "{}{candidate}", if i == 0 { "" } else { ", " })?;
+        }
+        let more = candidates.len().saturating_sub(SHOWN);
+        if more > 0 {
+            write!(f, " or {more} others")?;
+        }
+        f.write_str(if *may_miss { ", or miss" } else { "" })
+    }
+}
+
+impl fmt::Display for Nearest {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at {:e} to {:e}", self.primitive, self.t[0], self.t[1])
+    }
+}
+
 /// A triangle that may be reported, and the distances that may be reported with it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
@@ -53,6 +83,17 @@ impl Verdict {
             Self::Unambiguous(Some(nearest)) => fits(nearest),
             Self::Ambiguous { candidates, may_miss } => {
                 candidates.iter().any(fits) || (*may_miss && primitive == u32::MAX)
+            }
+        }
+    }
+
+    /// [`Verdict::admits`] without a look at the distance.
+    #[must_use]
+    pub fn admits_primitive(&self, primitive: u32) -> bool {
+        match self {
+            Self::Unambiguous(nearest) => nearest.map_or(u32::MAX, |n| n.primitive) == primitive,
+            Self::Ambiguous { candidates, may_miss } => {
+                candidates.iter().any(|n| n.primitive == primitive) || (*may_miss && primitive == u32::MAX)
             }
         }
     }
@@ -203,10 +244,12 @@ pub fn resolve(ray: &Ray, triangles: &[Triangle]) -> Verdict {
 fn nearest_of(candidates: &[Nearest], triangles: &[Triangle]) -> Verdict {
     let sure = candidates.iter().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
     let mut nearest: Vec<Nearest> = Vec::new();
+    let mut seen = HashSet::new();
     for candidate in candidates.iter().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
-        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win.
-        let triangle = &triangles[candidate.primitive as usize];
-        if nearest.iter().all(|n| triangles[n.primitive as usize] != *triangle) {
+        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win. Adding
+        // zero makes the two zeros one.
+        let corners = triangles[candidate.primitive as usize].vertices();
+        if seen.insert(corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()))) {
             nearest.push(*candidate);
         }
     }

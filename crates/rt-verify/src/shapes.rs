@@ -86,6 +86,48 @@ pub fn icosphere(levels: u32) -> Vec<Triangle> {
     faces
 }
 
+/// A closed cube of half edge 1 around the origin, each face a grid of `side × side` cells with two triangles each. Its
+/// vertices lie on a lattice, exact where `side` is a power of two.
+#[must_use]
+pub fn box_grid(side: u32) -> Vec<Triangle> {
+    let at = |i: u32| 2.0 * i as f32 / side as f32 - 1.0;
+    let face = |axis: usize, end: u32| {
+        let corner = move |i: u32, j: u32| {
+            let mut cell = [at(end); 3];
+            (cell[(axis + 1) % 3], cell[(axis + 2) % 3]) = (at(i), at(j));
+            Vec3::from(cell)
+        };
+        (0..side * side).flat_map(move |cell| {
+            let (i, j) = (cell % side, cell / side);
+            let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            [Triangle::new(a, b, c), Triangle::new(a, c, d)]
+        })
+    };
+    (0..3).flat_map(|axis| [0, side].into_iter().flat_map(move |end| face(axis, end))).collect()
+}
+
+/// Radius of the tube of [`torus`], whose ring has radius 1.
+pub const TORUS_TUBE: f32 = 0.4;
+
+/// A closed torus in the plane of x and z around the origin: a ring of radius 1 with a tube of radius [`TORUS_TUBE`], of
+/// `around × across` cells with two triangles each.
+#[must_use]
+pub fn torus(around: u32, across: u32) -> Vec<Triangle> {
+    let vertex = |i: u32, j: u32| {
+        // Whole turns come back to the same bits.
+        let [(ring_sin, ring_cos), (sin, cos)] =
+            [(i, around), (j, across)].map(|(k, n)| (TAU * (k % n) as f32 / n as f32).sin_cos());
+        let out = 1.0 + TORUS_TUBE * cos;
+        Vec3::new(out * ring_cos, TORUS_TUBE * sin, out * ring_sin)
+    };
+    let cell = |cell: u32| {
+        let (i, j) = (cell % around, cell / around);
+        let [a, b, c, d] = [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+        [Triangle::new(a, b, c), Triangle::new(a, c, d)]
+    };
+    (0..around * across).flat_map(cell).collect()
+}
+
 /// `count` slivers of length about 1 and the given width: hair, and what tessellators leave behind.
 #[must_use]
 pub fn needles(count: u32, width: f32, seed: u32) -> Vec<Triangle> {
@@ -127,25 +169,4 @@ pub fn moved(triangles: &[Triangle], offset: Vec3) -> Vec<Triangle> {
 
 fn point(seed: u32, index: u32, dimension: u32) -> Vec3 {
     Vec3::from(random::pcg3d([seed, index, dimension]).map(random::unit))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::collections::HashMap;
-
-    #[test]
-    fn an_icosphere_is_closed() {
-        let mut edges: HashMap<[[u32; 3]; 2], u32> = HashMap::new();
-        let triangles = icosphere(2);
-        assert_eq!(triangles.len(), 320);
-        for t in &triangles {
-            for (p, q) in [(t.a, t.b), (t.b, t.c), (t.c, t.a)] {
-                let mut key = [p, q].map(|v| v.to_array().map(|x| (x + 0.0).to_bits()));
-                key.sort_unstable();
-                *edges.entry(key).or_default() += 1;
-            }
-        }
-        assert!(edges.len() == 480 && edges.values().all(|&n| n == 2));
-    }
 }

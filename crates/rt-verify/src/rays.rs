@@ -103,7 +103,7 @@ fn toward(from: Vec3, to: Vec3) -> Ray {
 }
 
 /// A uniform direction from two uniform numbers.
-fn sphere([x, y]: [f32; 2]) -> Vec3 {
+pub(crate) fn sphere([x, y]: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * x;
     let (sin, cos) = (TAU * y).sin_cos();
     let r = (1.0 - z * z).max(0.0).sqrt();

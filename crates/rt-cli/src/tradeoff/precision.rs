@@ -1,0 +1,332 @@
+//! `raybalance tradeoff precision`: what robust hits cost, and what fast ones get wrong.
+
+use super::streams::{Kind, reference, streams};
+use crate::args::{PrecisionTradeoffArgs, SceneArgs};
+use crate::chart::front::{self, Front, Point};
+use crate::scene_source::{Prepared, prepare};
+use crate::table::{Table, grouped, seconds};
+use crate::{devices, interrupt, output, progress};
+use anyhow::{Context, Result, bail};
+use rt_core::{Device, Hit, Launch, Precision, Ray, RaySource, Scene, StreamSpec, Task, Tracer, tasks_of};
+use rt_verify::accuracy::{self, Accuracy, Sampled};
+use rt_verify::clock;
+use rt_verify::stats::{MedianInterval, median_interval, paired_ratio};
+use serde::Serialize;
+use std::io::Write;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// What is compared, in the order of the report.
+const PRECISIONS: [Precision; 3] = [Precision::Fast, Precision::Robust, Precision::Double];
+
+/// Rays of one task, as the balancer cuts them by default.
+const TASK: u32 = rt_balance::DEFAULT_TASK_SIZE;
+
+/// The longest a launch may take; a software rasteriser on a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(600);
+
+/// Version of the report's layout.
+const SCHEMA: u32 = 1;
+
+/// What is written to `precision.json`; `docs/verify.md` describes it.
+#[derive(Debug, Serialize)]
+struct Report {
+    schema: u32,
+    version: &'static str,
+    command: Vec<String>,
+    seed: u32,
+    runs: u32,
+    size: [u32; 2],
+    builder: String,
+    rows: Vec<Row>,
+}
+
+/// One precision on one stream of one scene on one device.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    scene: String,
+    triangles: usize,
+    device: String,
+    backend: &'static str,
+    rays: &'static str,
+    precision: &'static str,
+    /// Million rays per second.
+    mray_s: MedianInterval,
+    /// Seconds over those of `fast`, run by run.
+    time_over_fast: MedianInterval,
+    /// Compared with double precision, every ray.
+    accuracy: Accuracy,
+    /// Compared with the exact reference, some rays.
+    exact: Sampled,
+    /// Seconds of each run, in order.
+    seconds: Vec<f64>,
+}
+
+pub(crate) fn run(args: &PrecisionTradeoffArgs) -> Result<()> {
+    interrupt::watch();
+    let begin = Instant::now();
+    let names = if args.scenes.is_empty() { vec!["yard".to_owned(), "car".to_owned()] } else { args.scenes.clone() };
+    let devices = devices::open(Some(&args.backend))?;
+    let (size, runs, sample) = args.effort();
+    let bar = progress::bar("measuring", names.len() as u64);
+    let mut rows = Vec::new();
+    for name in &names {
+        let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
+        let bench = Bench { prepared: prepare(name, &source)?, size, runs, sample, seed: args.seed };
+        bench.measure(&devices, &mut rows)?;
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+
+    let report = Report {
+        schema: SCHEMA,
+        version: env!("CARGO_PKG_VERSION"),
+        command: std::env::args().skip(1).collect(),
+        seed: args.seed,
+        runs,
+        size,
+        builder: args.builder.to_string(),
+        rows,
+    };
+    let json = args.out.join("precision.json");
+    output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
+    output::write_atomically(&args.out.join("precision.csv"), |file| write_csv(file, &report.rows))?;
+    front::write_svg(&args.out.join("precision.svg"), &fronts(&report))?;
+    print(&report.rows);
+    println!("\n  medians of {runs} runs, all precisions in turn; {} in all", seconds(begin.elapsed().as_secs_f64()));
+    println!("  written to {}: precision.json, precision.csv, precision.svg", args.out.display());
+    Ok(())
+}
+
+/// One scene and how it is measured.
+struct Bench {
+    prepared: Prepared,
+    size: [u32; 2],
+    runs: u32,
+    /// Rays of each stream that the exact reference judges.
+    sample: u32,
+    seed: u32,
+}
+
+impl Bench {
+    fn measure(&self, devices: &[Arc<dyn Device>], rows: &mut Vec<Row>) -> Result<()> {
+        let model = &self.prepared.model;
+        let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
+        let scene = Arc::new(self.prepared.built.scene.clone());
+        for kind in streams(&self.prepared, &triangles, self.size, self.seed)? {
+            let right = reference(&scene, &kind.source, kind.query);
+            for device in devices {
+                let timed = self.time(device.as_ref(), &scene, &kind)?;
+                for (precision, timed) in PRECISIONS.into_iter().zip(&timed) {
+                    let accuracy = Accuracy::of(
+                        |i| kind.source.ray(i as u32).0,
+                        kind.query,
+                        &timed.hits,
+                        &right,
+                        |primitive| model.triangle(primitive),
+                    );
+                    rows.push(self.row(device.as_ref(), &kind, precision, timed, accuracy, &triangles)?);
+                }
+                let from = rows.len() - PRECISIONS.len();
+                let base = rows[from].seconds.clone();
+                for row in &mut rows[from..] {
+                    row.time_over_fast = paired_ratio(&row.seconds, &base).context("no run was timed")?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind) -> Result<[Timed; 3]> {
+        let fails = || format!("{} on {}", kind.name, device.info().name);
+        let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
+        let tasks = tasks_of(kind.source.len(), TASK);
+        let mut timed = [(); 3].map(|()| Timed::default());
+        for round in 0..=self.runs as usize {
+            for turn in 0..PRECISIONS.len() {
+                if interrupt::requested() {
+                    bail!("interrupted");
+                }
+                // Rotated, and every other round backwards: each precision follows each other one equally often.
+                let place = if round % 2 == 0 { turn } else { PRECISIONS.len() - 1 - turn };
+                let which = (round / 2 + place) % PRECISIONS.len();
+                let spec = StreamSpec { query: kind.query, precision: PRECISIONS[which], counts: false };
+                let launch = launch(tracer.as_mut(), &kind.source, spec, &tasks).with_context(fails)?;
+                if round > 0 {
+                    timed[which].seconds.push(launch.span.duration().as_secs_f64());
+                }
+                timed[which].hits = launch.hits;
+            }
+        }
+        Ok(timed)
+    }
+
+    fn row(
+        &self,
+        device: &dyn Device,
+        kind: &Kind,
+        precision: Precision,
+        timed: &Timed,
+        accuracy: Accuracy,
+        triangles: &[rt_core::Triangle],
+    ) -> Result<Row> {
+        let speeds: Vec<f64> = timed.seconds.iter().map(|s| f64::from(kind.source.len()) / s / 1e6).collect();
+        let (rays, hits) = self.sampled(&kind.source, &timed.hits);
+        Ok(Row {
+            scene: self.prepared.model.source.clone(),
+            triangles: triangles.len(),
+            device: device.info().name.clone(),
+            backend: device.info().backend,
+            rays: kind.name,
+            precision: precision.name(),
+            mray_s: median_interval(&speeds).context("no run was timed")?,
+            // Known when all three are.
+            time_over_fast: MedianInterval { median: 1.0, low: 1.0, high: 1.0, confidence: 1.0 },
+            accuracy,
+            exact: accuracy::sample(triangles, &rays, &hits, kind.query),
+            seconds: timed.seconds.clone(),
+        })
+    }
+
+    /// Evenly spread rays and their hits.
+    fn sampled(&self, source: &RaySource, hits: &[Hit]) -> (Vec<(Ray, u32)>, Vec<Hit>) {
+        let count = self.sample.min(source.len());
+        let index = |k: u32| (u64::from(k) * u64::from(source.len()) / u64::from(count.max(1))) as u32;
+        (0..count).map(index).map(|i| (source.ray(i), hits[i as usize])).unzip()
+    }
+}
+
+/// The runs of one precision.
+#[derive(Debug, Default)]
+struct Timed {
+    seconds: Vec<f64>,
+    hits: Vec<Hit>,
+}
+
+fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec, tasks: &[Task]) -> Result<Launch> {
+    tracer.load_rays(source.clone(), spec)?;
+    let ticket = tracer.submit(tasks, None)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch)?;
+    Ok(launch)
+}
+
+fn write_csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
+    writeln!(
+        file,
+        "scene,triangles,device,backend,rays,precision,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
+         time_over_fast_high,rays_compared,false_miss_ppm,false_miss_ppm_low,false_miss_ppm_high,false_hit_ppm,other_id_ppm,\
+         t_ulp_p50,t_ulp_p99,t_ulp_max,exact_rays,exact_ambiguous,exact_wrong"
+    )?;
+    // Names may hold commas.
+    let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
+    for row in rows {
+        let a = &row.accuracy;
+        let interval = |m: &MedianInterval| format!("{:.6},{:.6},{:.6}", m.median, m.low, m.high);
+        let ulp = a.t_ulp.map_or_else(|| ",,".to_owned(), |u| format!("{:.3},{:.3},{:.3}", u.p50, u.p99, u.max));
+        let [low, high] = a.false_misses.bounds_ppm;
+        writeln!(
+            file,
+            "{},{},{},{},{},{},{},{},{},{:.4},{low:.4},{high:.4},{:.4},{:.4},{ulp},{},{},{}",
+            quoted(&row.scene),
+            row.triangles,
+            quoted(&row.device),
+            row.backend,
+            row.rays,
+            row.precision,
+            interval(&row.mray_s),
+            interval(&row.time_over_fast),
+            a.rays,
+            a.false_misses.ppm,
+            a.false_hits.ppm,
+            a.other_ids.ppm,
+            row.exact.rays,
+            row.exact.ambiguous,
+            row.exact.wrong.count + row.exact.wrong_ambiguous,
+        )?;
+    }
+    Ok(())
+}
+
+fn print(rows: &[Row]) {
+    let mut shown = ("", "");
+    let mut table = new_table();
+    for row in rows {
+        if shown != (row.scene.as_str(), row.device.as_str()) {
+            flush(&mut table);
+            println!("\n{}, {} triangles, on {}\n", row.scene, grouped(row.triangles as u64), row.device);
+            shown = (&row.scene, &row.device);
+        }
+        let a = &row.accuracy;
+        let ulp = |u: f64| if u < 100.0 { format!("{u:.2}") } else { grouped(u.round() as u64) };
+        let exact = &row.exact;
+        table.row(vec![
+            row.rays.to_owned(),
+            row.precision.to_owned(),
+            format!("{:.2}", row.mray_s.median),
+            format!("{:.3}", row.time_over_fast.median),
+            format!("{:.3} – {:.3}", row.time_over_fast.low, row.time_over_fast.high),
+            ppm(a.false_misses.ppm),
+            format!("{} – {}", ppm(a.false_misses.bounds_ppm[0]), ppm(a.false_misses.bounds_ppm[1])),
+            ppm(a.false_hits.ppm),
+            ppm(a.other_ids.ppm),
+            a.t_ulp.map_or_else(|| "–".to_owned(), |u| [u.p50, u.p99, u.max].map(ulp).join(" / ")),
+            format!("{} of {}", exact.wrong.count + exact.wrong_ambiguous, exact.rays),
+        ]);
+    }
+    flush(&mut table);
+}
+
+fn new_table() -> Table {
+    Table::new(&[
+        "rays",
+        "precision",
+        "Mray/s",
+        "time/fast",
+        "95%",
+        "false miss ppm",
+        "95%",
+        "false hit",
+        "other id",
+        "t ulp p50/p99/max",
+        "exactly wrong",
+    ])
+}
+
+fn flush(table: &mut Table) {
+    let full = std::mem::replace(table, new_table());
+    if !full.is_empty() {
+        print!("{full}");
+    }
+}
+
+fn ppm(ppm: f64) -> String {
+    match ppm {
+        0.0 => "0".to_owned(),
+        ppm if ppm >= 100.0 => grouped(ppm.round() as u64),
+        ppm => format!("{ppm:.2}"),
+    }
+}
+
+/// A panel for each scene and device.
+fn fronts(report: &Report) -> Vec<Front> {
+    let mut fronts: Vec<Front> = Vec::new();
+    for row in &report.rows {
+        let title = format!("{}, {}", row.scene, row.device);
+        if fronts.last().is_none_or(|front| front.title != title) {
+            fronts.push(Front { title, points: Vec::new() });
+        }
+        if let Some(front) = fronts.last_mut() {
+            front.points.push(Point {
+                kind: row.rays,
+                setting: row.precision,
+                wrong_ppm: row.accuracy.wrong.ppm,
+                wrong_bounds: row.accuracy.wrong.bounds_ppm,
+                mray_s: row.mray_s.median,
+                mray_s_bounds: [row.mray_s.low, row.mray_s.high],
+            });
+        }
+    }
+    fronts
+}

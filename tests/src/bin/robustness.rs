@@ -1,0 +1,326 @@
+//! Tries the promises on our devices and on other tracers with the same harness, and writes the tables of
+//! docs/results/robustness.md.
+//!
+//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE]
+//! [--json FILE] [--limit SECONDS]`: Vulkan devices through the system's loader, Embree as the environment variable `RAYBALANCE_EMBREE` or
+//! the system has it; what is missing is said and left out. `--only` keeps the tracers whose name contains the word.
+//! `--markdown` replaces what the file has between its two marker lines.
+//!
+//! Every case of every tracer runs in a process of its own, since some tracers abort or hang: that is a result too.
+#![forbid(unsafe_code)]
+
+use backend_cpu::CpuDevice;
+use backend_vulkan::{Options as VulkanOptions, VulkanDevice};
+use rt_bvh::{Builder, PlocQuality};
+use rt_core::{Device, Precision};
+use rt_scene::builtin;
+use rt_tests::peers;
+use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use std::fmt::Write;
+use std::path::PathBuf;
+use std::process::{Command, ExitCode, Stdio};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use std::{fs, thread};
+
+const USAGE: &str = "usage: robustness [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE] [--json FILE] \
+                     [--limit SECONDS]";
+
+/// Lines between which the tables stand in a Markdown file.
+const MARKERS: [&str; 2] = ["<!-- tables of the program `robustness` -->", "<!-- end of tables -->"];
+
+struct Arguments {
+    options: Options,
+    only: Option<String>,
+    markdown: Option<PathBuf>,
+    json: Option<PathBuf>,
+    /// The longest that one case may take.
+    limit: Duration,
+    /// The tracer and the case that this process is to try, whose lines it prints; everything where there is none.
+    task: Option<(String, String)>,
+}
+
+/// A line of a report, as it comes from another process.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Line {
+    case: String,
+    what: String,
+    promise: u8,
+    trials: u64,
+    failures: u64,
+    bounds: [f64; 2],
+    note: String,
+    seconds: f64,
+}
+
+/// What one tracer did.
+#[derive(Debug, Serialize)]
+struct Report {
+    name: String,
+    lines: Vec<Line>,
+    /// Cases that ended the process or did not end, and how.
+    crashes: Vec<(String, String)>,
+}
+
+/// A tracer, and what the tables call it.
+struct Contender {
+    name: String,
+    subject: Subject,
+}
+
+fn main() -> ExitCode {
+    match arguments().and_then(|arguments| run(&arguments)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn arguments() -> Result<Arguments, String> {
+    // The builder that the command takes by default.
+    let options = Options { builder: Builder::Ploc(PlocQuality::Medium), ..Options::default() };
+    let limit = Duration::from_secs(600);
+    let mut found = Arguments { options, only: None, markdown: None, json: None, limit, task: None };
+    let mut words = std::env::args().skip(1);
+    while let Some(name) = words.next() {
+        if name == "--full" {
+            found.options.extent = Extent::Full;
+            continue;
+        }
+        let value = words.next().ok_or_else(|| format!("{name}: a value is missing; {USAGE}"))?;
+        let number = || value.parse::<u32>().map_err(|e| format!("{name} {value}: {e}; {USAGE}"));
+        match name.as_str() {
+            "--rays" => found.options.rays = Some(number()?),
+            "--seed" => found.options.seed = number()?,
+            "--only" => found.only = Some(value),
+            "--markdown" => found.markdown = Some(value.into()),
+            "--json" => found.json = Some(value.into()),
+            "--limit" => found.limit = Duration::from_secs(number()?.into()),
+            // Not for people: how this program calls itself.
+            "--task" => found.task = Some((value, words.next().ok_or(USAGE)?)),
+            _ => return Err(format!("{name}: no such option; {USAGE}")),
+        }
+    }
+    Ok(found)
+}
+
+/// Every tracer that is here; says what is missing if asked to.
+fn contenders(tell: bool) -> Result<Vec<Contender>, String> {
+    let missing = |reason: String| {
+        if tell {
+            eprintln!("left out: {reason}");
+        }
+    };
+    let cpu = CpuDevice::open_all(&[0]).map_err(|e| e.to_string())?.pop().ok_or("no CPU device")?;
+    let cpu: Arc<dyn Device> = Arc::new(cpu);
+    let own =
+        |name: String, device: Arc<dyn Device>, precision| Contender { name, subject: Subject::new(device, precision) };
+    let mut all: Vec<Contender> = [Precision::Robust, Precision::Double, Precision::Fast]
+        .map(|precision| own(format!("CPU, {}", precision.name()), Arc::clone(&cpu), precision))
+        .into();
+    // One of several alike is enough: software Vulkan is set up as three.
+    let vulkan = VulkanDevice::enumerate(VulkanOptions::default()).map_err(|e| e.to_string());
+    match vulkan.map(|devices| devices.into_iter().find_map(Result::ok)) {
+        Ok(Some(device)) => {
+            let name = format!("Vulkan ({}), robust", device.info().name);
+            all.push(own(name, Arc::new(device), Precision::Robust));
+        }
+        Ok(None) => missing("Vulkan: no device can be used".to_owned()),
+        Err(reason) => missing(format!("Vulkan: {reason}")),
+    }
+    let (peers, reasons) = peers::all();
+    reasons.into_iter().for_each(missing);
+    all.extend(
+        peers.into_iter().map(|device| Contender { name: device.info().name.clone(), subject: Subject::peer(device) }),
+    );
+    Ok(all)
+}
+
+fn run(arguments: &Arguments) -> Result<(), String> {
+    let mut contenders = contenders(arguments.task.is_none())?;
+    if let Some((name, case)) = &arguments.task {
+        let contender = contenders.iter().find(|c| c.name == *name).ok_or_else(|| format!("no tracer {name}"))?;
+        return print_case(&arguments.options, contender, case);
+    }
+    contenders.retain(|c| arguments.only.as_ref().is_none_or(|word| c.name.contains(word.as_str())));
+    let reports = contenders.iter().map(|c| examine(arguments, &c.name)).collect::<Result<Vec<_>, _>>()?;
+    let tables = tables(&arguments.options, &reports)?;
+    match &arguments.markdown {
+        Some(path) => replace(path, &tables)?,
+        None => print!("{tables}"),
+    }
+    if let Some(path) = &arguments.json {
+        let options = &arguments.options;
+        let command: Vec<String> = std::env::args().skip(1).collect();
+        let all = json!({
+            "schema": 1, "command": command, "extent": options.extent.name(), "seed": options.seed,
+            "rays": options.rays, "builder": options.builder.to_string(), "tracers": reports,
+        });
+        let text = serde_json::to_string_pretty(&all).map_err(|e| e.to_string())?;
+        fs::write(path, text).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    }
+    Ok(())
+}
+
+/// Tries one case in this process.
+fn print_case(options: &Options, contender: &Contender, case: &str) -> Result<(), String> {
+    let suite = Suite::new(*options, vec![builtin::yard(), builtin::car()]);
+    let report = suite.run_case(case, &contender.subject, Watch::default()).map_err(|e| e.to_string())?;
+    println!("{}", serde_json::to_string(&report.rows).map_err(|e| e.to_string())?);
+    Ok(())
+}
+
+/// Tries every case, each in a process of its own.
+fn examine(arguments: &Arguments, name: &str) -> Result<Report, String> {
+    let mut report = Report { name: name.to_owned(), lines: Vec::new(), crashes: Vec::new() };
+    for case in Suite::case_names() {
+        eprint!("{name}: {case} ... ");
+        let begin = Instant::now();
+        match apart(arguments, name, case)? {
+            Ok(mut lines) => report.lines.append(&mut lines),
+            Err(how) => report.crashes.push((case.to_owned(), how)),
+        }
+        eprintln!("{:.1} s", begin.elapsed().as_secs_f64());
+    }
+    Ok(report)
+}
+
+/// The lines of one case, or how its process ended instead.
+fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Line>, String>, String> {
+    let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
+    command.args(["--task", name, case]).args(["--seed", &arguments.options.seed.to_string()]);
+    if arguments.options.extent == Extent::Full {
+        command.arg("--full");
+    }
+    if let Some(rays) = arguments.options.rays {
+        command.args(["--rays", &rays.to_string()]);
+    }
+    // What a crash has to say is short, and the lines of a case fit into any pipe's reader below.
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().map_err(|e| e.to_string())?;
+    let mut pipe = child.stdout.take().ok_or("no pipe to the process")?;
+    let reader = thread::spawn(move || {
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut pipe, &mut text).map(|_| text)
+    });
+    let begin = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+            break status;
+        }
+        if begin.elapsed() > arguments.limit {
+            child.kill().and_then(|()| child.wait()).map_err(|e| e.to_string())?;
+            return Ok(Err(format!("no end after {} s", arguments.limit.as_secs())));
+        }
+        thread::sleep(Duration::from_millis(20));
+    };
+    let text = reader.join().map_err(|_| "the reader of a pipe panicked")?.map_err(|e| e.to_string())?;
+    if !status.success() {
+        return Ok(Err(format!("the process ended: {status}")));
+    }
+    serde_json::from_str(&text).map(Ok).map_err(|e| format!("{name}, {case}: {e}"))
+}
+
+/// Puts the tables between the markers of a file.
+fn replace(path: &PathBuf, tables: &str) -> Result<(), String> {
+    let text = fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;
+    let missing = || format!("{}: the lines `{}` and `{}` are missing", path.display(), MARKERS[0], MARKERS[1]);
+    let (before, rest) = text.split_once(MARKERS[0]).ok_or_else(missing)?;
+    let (_, after) = rest.split_once(MARKERS[1]).ok_or_else(missing)?;
+    let text = format!("{before}{}\n{tables}{}{after}", MARKERS[0], MARKERS[1]);
+    fs::write(path, text).map_err(|e| format!("cannot write {}: {e}", path.display()))
+}
+
+fn tables(options: &Options, reports: &[Report]) -> Result<String, String> {
+    let mut text = String::new();
+    let write = |text: &mut String| -> std::fmt::Result {
+        writeln!(text, "\nSuite: {}, seed {}, trees by {}.\n", options.extent.name(), options.seed, options.builder)?;
+        header(text, "promise", reports)?;
+        for promise in Promise::ALL {
+            write!(text, "| {promise} {} |", promise.text())?;
+            reports.iter().try_for_each(|report| write!(text, " {} |", total(report, promise)))?;
+            writeln!(text)?;
+        }
+        writeln!(text, "\nFailures per million, line by line; `·` is none, `–` was not tried.\n")?;
+        header(text, "line", reports)?;
+        let Some(first) = reports.first() else { return Ok(()) };
+        for line in &first.lines {
+            write!(text, "| {}: {} |", line.case, line.what)?;
+            reports.iter().try_for_each(|report| write!(text, " {} |", cell(report, line)))?;
+            writeln!(text)?;
+        }
+        writeln!(text, "\nCases that a tracer did not survive, and the first failure of each promise not kept:\n")?;
+        for report in reports {
+            for (case, how) in &report.crashes {
+                writeln!(text, "* {}, {case}: {how}", report.name)?;
+            }
+            for promise in Promise::ALL {
+                let broken = |line: &&Line| line.promise == promise.number() && line.failures > 0;
+                if let Some(line) = report.lines.iter().find(broken) {
+                    writeln!(
+                        text,
+                        "* {}, promise {promise}, {}, {}: `{}`",
+                        report.name, line.case, line.what, line.note
+                    )?;
+                }
+            }
+        }
+        writeln!(text)
+    };
+    write(&mut text).map_err(|e| e.to_string())?;
+    Ok(text)
+}
+
+fn header(text: &mut String, first: &str, reports: &[Report]) -> std::fmt::Result {
+    let names: Vec<&str> = reports.iter().map(|report| report.name.as_str()).collect();
+    writeln!(text, "| {first} | {} |", names.join(" | "))?;
+    writeln!(text, "|---|{}", "---|".repeat(names.len()))
+}
+
+/// Failures, trials and the bounds of the rate, of all lines of a promise.
+fn total(report: &Report, promise: Promise) -> String {
+    let lines = report.lines.iter().filter(|line| line.promise == promise.number());
+    let (failures, trials) = lines.fold((0, 0), |(f, t), line| (f + line.failures, t + line.trials));
+    if trials == 0 {
+        return "–".to_owned();
+    }
+    let [low, high] = rt_verify::stats::clopper_pearson(failures, trials).map(|rate| 1e6 * rate);
+    let ended = match report.crashes.len() {
+        // A process that ends or hangs breaks the promise about meshes, whatever was tried.
+        n if n > 0 && promise == Promise::AnyMesh => format!(", **{n} cases ended the process**"),
+        _ => String::new(),
+    };
+    match failures {
+        0 => format!("0 of {} (≤ {} ppm){ended}", short(trials as f64), short(high)),
+        _ => format!("**{failures}** of {} ({} – {} ppm){ended}", short(trials as f64), short(low), short(high)),
+    }
+}
+
+fn cell(report: &Report, line: &Line) -> String {
+    if report.crashes.iter().any(|(case, _)| *case == line.case) {
+        return "ended".to_owned();
+    }
+    match report.lines.iter().find(|other| (&other.case, &other.what) == (&line.case, &line.what)) {
+        Some(line) if line.failures > 0 => short(1e6 * line.failures as f64 / line.trials.max(1) as f64),
+        Some(line) if line.trials > 0 => "·".to_owned(),
+        _ => "–".to_owned(),
+    }
+}
+
+/// Three digits, with k and M for thousands and millions.
+fn short(x: f64) -> String {
+    let digits = |x: f64, unit: &str| match x {
+        x if x >= 99.95 => format!("{x:.0}{unit}"),
+        x if x >= 9.995 => format!("{x:.1}{unit}"),
+        x => format!("{x:.2}{unit}"),
+    };
+    match x {
+        x if x >= 999_500.0 => digits(x / 1e6, " M"),
+        x if x >= 9_995.0 => digits(x / 1e3, " k"),
+        x if x >= 0.0095 || x == 0.0 => digits(x, ""),
+        x => format!("{x:.1e}"),
+    }
+}
