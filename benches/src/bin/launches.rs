@@ -7,7 +7,8 @@
 
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
 use rayon::prelude::*;
-use rt_benches::{BenchScene, median};
+use rt_balance::stats::median;
+use rt_benches::BenchScene;
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, RaySource, StreamSpec, Tracer, tasks_of};
 use rt_scene::streams::{Spawned, Spawner};
