@@ -7,6 +7,7 @@
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::VulkanDevice;
+use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestError, TestRunner};
@@ -88,7 +89,7 @@ fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> R
     }
 }
 
-/// The processor with one thread and with two, and every Vulkan device. What is missing is another test's business.
+/// The processor with one thread and with two, and every device of Vulkan and of wgpu. What is missing is another test's business.
 fn ours() -> Devices {
     let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
     for threads in [1, 2] {
@@ -99,6 +100,10 @@ fn ours() -> Devices {
     let vulkan = VulkanDevice::enumerate(backend_vulkan::Options::default()).unwrap_or_default();
     for (i, device) in vulkan.into_iter().flatten().enumerate() {
         found.push((format!("vulkan {i}: {}", device.info().name), Arc::new(device)));
+    }
+    let wgpu = WgpuDevice::enumerate(backend_wgpu::Options::default()).unwrap_or_default();
+    for (i, device) in wgpu.into_iter().flatten().enumerate() {
+        found.push((format!("wgpu {i}: {}", device.info().name), Arc::new(device)));
     }
     Arc::new(found)
 }

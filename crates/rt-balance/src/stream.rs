@@ -107,7 +107,7 @@ impl Default for Scheduling {
     /// The hybrid queue over the estimator that chooses for itself.
     fn default() -> Self {
         Self {
-            estimator: Box::new(Auto::default()),
+            estimator: Box::<Auto>::default(),
             policy: None,
             queue: QueueKind::Hybrid,
             limit: Duration::from_secs(600),

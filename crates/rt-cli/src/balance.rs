@@ -30,9 +30,7 @@ impl BalanceArgs {
         let exact = || Box::new(Sampled::new(Walk::Full, fraction));
         let estimator: Box<dyn CostEstimator> = match self.estimator {
             EstimatorArg::Auto => Box::new(Auto::new(self.budget)),
-            EstimatorArg::Adaptive => {
-                given.map_or_else(|| Box::new(Adaptive::default()), |f| Box::new(Adaptive::new(f)))
-            }
+            EstimatorArg::Adaptive => given.map_or_else(Box::<Adaptive>::default, |f| Box::new(Adaptive::new(f))),
             EstimatorArg::Field => Box::new(Field::new(fraction)),
             EstimatorArg::Uniform => Box::new(Uniform),
             EstimatorArg::Reduced => Box::new(Sampled::new(Walk::Reduced(reduced), fraction)),

@@ -95,9 +95,9 @@ impl Case {
         for (name, walk) in [("reduced", ReducedWalk::LeafAsHit), ("plane", ReducedWalk::LeafPlane)] {
             add(format!("{name} 1/1"), Box::new(Sampled::new(Walk::Reduced(walk), Fraction::ONE)));
         }
-        add("adaptive".to_owned(), Box::new(Adaptive::default()));
-        add("history".to_owned(), Box::new(History::default()));
-        add("auto".to_owned(), Box::new(Auto::default()));
+        add("adaptive".to_owned(), Box::<Adaptive>::default());
+        add("history".to_owned(), Box::<History>::default());
+        add("auto".to_owned(), Box::<Auto>::default());
         let asked = |case: &Self| {
             let family = case.name.split(' ').next().unwrap_or_default();
             options.only.is_empty() || options.only.iter().any(|only| only == family || *only == case.name)
