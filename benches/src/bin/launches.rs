@@ -7,7 +7,7 @@
 
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
 use rayon::prelude::*;
-use rt_balance::stats::median;
+use rt_balance::stats::{median, ratios};
 use rt_benches::BenchScene;
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, RaySource, StreamSpec, Tracer, tasks_of};
@@ -116,7 +116,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
                 sent_s.push(sent);
             }
         }
-        let ratio = |k: usize| median(&kernels[k].iter().zip(&kernels[0]).map(|(a, b)| a / b).collect::<Vec<_>>());
+        let ratio = |k: usize| median(&ratios(&kernels[k], &kernels[0]));
         print!("| {} | {kind} | {:.2} |", bench.name, rays / median(&kernels[0]) / 1e6);
         (1..kernels.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
         let ns = |seconds: &[f64]| format!("{:.0}", median(seconds) * 1e9);
