@@ -11,6 +11,9 @@ use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 
+/// A stream's name, its rays, and what is asked of them.
+pub type NamedStream = (&'static str, RaySource, Query);
+
 /// A scene and the view it is benchmarked from.
 #[derive(Debug)]
 pub struct BenchScene {
@@ -55,11 +58,7 @@ impl BenchScene {
     ///
     /// # Errors
     /// When the view makes no camera.
-    pub fn streams(
-        &self,
-        scene: &Scene,
-        size: [u32; 2],
-    ) -> Result<Vec<(&'static str, RaySource, Query)>, Box<dyn Error>> {
+    pub fn streams(&self, scene: &Scene, size: [u32; 2]) -> Result<Vec<NamedStream>, Box<dyn Error>> {
         let primary = self.primary(size, 1, 1)?;
         let mut hits: Vec<Hit> = Vec::with_capacity(primary.len() as usize);
         let rays = (0..primary.len()).map(|i| primary.ray(i));

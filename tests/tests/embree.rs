@@ -1,12 +1,13 @@
 //! Embree and this project's devices on the same rays: random meshes and real scenes; nearest and any hits.
 //!
-//! Where they differ, the exact reference says who is right. Our devices must never be wrong, whatever the precision
-//! and the number of threads. Embree's errors are counted and printed; on random rays there may be few, or it is not
-//! Embree that is asked. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
+//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful precision
+//! and with any number of threads. Errors of Embree and of our `fast` are counted and printed; on random rays there may
+//! be few, or they were not asked the same. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
 //! The program `parity` does the same with more rays.
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::VulkanDevice;
+use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestError, TestRunner};
@@ -28,9 +29,9 @@ const RAYS: u32 = 300;
 /// Random meshes, of some dozen rays each.
 const MESHES: u32 = 60;
 
-/// Share of random rays, which nothing aims near edges, that robust Embree may answer wrongly. Measured: below 10⁻⁴.
+/// Share of random rays, which nothing aims near edges, that Embree or our `fast` may answer wrongly. Measured: below 10⁻³.
 /// With wrong ids, limits or coordinates nearly all would be wrong.
-const EMBREE_ERRORS: f64 = 0.005;
+const ERRORS: f64 = 0.005;
 
 /// The careful precisions: those that must always be right.
 const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
@@ -40,7 +41,7 @@ type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
 
 /// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer wrongly.
 /// Measured: 2 to 4%.
-const EMBREE_ERRORS_AIMED: f64 = 0.1;
+const ERRORS_AIMED: f64 = 0.1;
 
 type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
 
@@ -88,7 +89,7 @@ fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> R
     }
 }
 
-/// The processor with one thread and with two, and every Vulkan device. What is missing is another test's business.
+/// The processor with one thread and with two, and every device of Vulkan and of wgpu. What is missing is another test's business.
 fn ours() -> Devices {
     let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
     for threads in [1, 2] {
@@ -99,6 +100,10 @@ fn ours() -> Devices {
     let vulkan = VulkanDevice::enumerate(backend_vulkan::Options::default()).unwrap_or_default();
     for (i, device) in vulkan.into_iter().flatten().enumerate() {
         found.push((format!("vulkan {i}: {}", device.info().name), Arc::new(device)));
+    }
+    let wgpu = WgpuDevice::enumerate(backend_wgpu::Options::default()).unwrap_or_default();
+    for (i, device) in wgpu.into_iter().flatten().enumerate() {
+        found.push((format!("wgpu {i}: {}", device.info().name), Arc::new(device)));
     }
     Arc::new(found)
 }
@@ -152,7 +157,7 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
         println!("random meshes: {}: {tally}", device.info().name);
         println!("    {}", tally.first.as_deref().unwrap_or_default());
     }
-    let bad = |tally: &&Tally| tally.errors() as f64 > EMBREE_ERRORS_AIMED * tally.rays as f64;
+    let bad = |tally: &&Tally| tally.errors() as f64 > ERRORS_AIMED * tally.rays as f64;
     match outcome {
         Ok(()) => tallies.iter().find(bad).map_or(Ok(()), |tally| Err(format!("Embree: {tally}").into())),
         Err(TestError::Abort(reason)) => Err(reason.to_string().into()),
@@ -188,8 +193,11 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
             }
         }
-        for device in embree {
-            let spec = StreamSpec { query, ..StreamSpec::default() };
+        let fast = ours.first().map(|(label, device)| (format!("{label}, fast"), &**device, Precision::Fast));
+        let named = |device: &'_ EmbreeDevice| device.info().name.clone();
+        let single = embree.iter().map(|device| (named(device), device as &dyn Device, Precision::default()));
+        for (name, device, precision) in single.chain(fast) {
+            let spec = StreamSpec { query, precision, counts: false };
             let (mut all, mut random) = (Tally::new(), Tally::new());
             for (kind, tally) in Kind::ALL.into_iter().zip(exam.judge(&exam.ask(device, &scene, spec)?, query)) {
                 if kind.is_random() {
@@ -197,10 +205,10 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
                 all.merge(tally);
             }
-            println!("    {}, {query:?}: {all}", device.info().name);
+            println!("    {name}, {query:?}: {all}");
             println!("    {}", all.first.as_deref().unwrap_or_default());
-            if random.errors() as f64 > EMBREE_ERRORS * random.rays as f64 {
-                return Err(format!("{}: {random}: it is not asked what we are", device.info().name).into());
+            if random.errors() as f64 > ERRORS * random.rays as f64 {
+                return Err(format!("{name}: {random}: it is not asked what the others are").into());
             }
         }
     }

@@ -56,7 +56,7 @@ fn main() {
     let device = open(Some(Layouts { trace: other, ..usual })).map(|device| Arc::new(device) as Arc<dyn Device>);
     let mut all = trials(vec![Subject::new("vulkan", label, device)]);
     let trial = |name: &str, test: Box<dyn Fn() -> Result<(), Failed> + Send>| {
-        Trial::test(name, move || test()).with_kind("vulkan/0/all wide")
+        Trial::test(name, test).with_kind("vulkan/0/all wide")
     };
     all.push(trial("closed_meshes_do_not_leak", Box::new(closed_meshes_do_not_leak)));
     all.push(trial("shapes_are_the_processors", Box::new(shapes_are_the_processors)));

@@ -2,15 +2,15 @@
 
 use crate::executor::Executor;
 use crate::stopwatch::Stopwatch;
-use rt_bvh::Stack;
+use rt_bvh::{ReducedTree, Stack};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    Ticket, Tracer, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
+    TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// Rays that one of several threads traces before it looks for more work: large enough to hide the hand-over and the
@@ -67,7 +67,7 @@ impl CpuTracer {
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
-        let worker = Worker { executor, scene, clock };
+        let worker = Worker { executor, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -159,6 +159,9 @@ struct Worker {
     executor: Arc<Executor>,
     scene: Arc<Scene>,
     clock: Clock,
+    /// Trees of reduced walks, made when the first of their kind is asked for.
+    planes: OnceLock<ReducedTree>,
+    truncated: OnceLock<ReducedTree>,
 }
 
 /// A part of a task: its rays, where their results go, and the thread seconds it took.
@@ -251,6 +254,15 @@ impl Worker {
         let mut counts = vec![TestCounts::default(); rays.len()];
         let mut hits = vec![Hit::MISS; rays.len()];
         let span = self.timed(|| {
+            let reduced = match walk {
+                Walk::Reduced(ReducedWalk::LeafPlane) => {
+                    Some(self.planes.get_or_init(|| ReducedTree::with_planes(&self.scene)))
+                }
+                Walk::Reduced(ReducedWalk::Truncated) => {
+                    Some(self.truncated.get_or_init(|| ReducedTree::truncated(&self.scene)))
+                }
+                Walk::Full | Walk::Reduced(ReducedWalk::LeafAsHit | ReducedWalk::Unshortened) => None,
+            };
             let pieces = rays.chunks(CHUNK).zip(counts.chunks_mut(CHUNK)).zip(hits.chunks_mut(CHUNK)).collect();
             self.executor.for_each(
                 pieces,
@@ -262,12 +274,13 @@ impl Worker {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
                     };
-                    match walk {
+                    match (walk, reduced) {
                         // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-                        Walk::Full => {
+                        (Walk::Full, _) => {
                             rt_bvh::trace(&self.scene, stack, StreamSpec { counts: true, ..spec }, rays, sink)
                         }
-                        Walk::Reduced(_) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, sink),
+                        (Walk::Reduced(_), Some(tree)) => tree.count(&self.scene, stack, rays, sink),
+                        (Walk::Reduced(_), None) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, sink),
                     }
                 },
             );

@@ -3,12 +3,13 @@
 use crate::buffer::{Buffer, Use};
 use crate::device::Shared;
 use crate::launch::Slot;
+use crate::maker::Maker;
 use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
-use rt_bvh::offload::KernelRay;
+use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, Trees};
+use rt_gpu::{Answer, Board, Flight, GpuScene, Trees, Tuning, Work};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -16,11 +17,19 @@ use std::time::Duration;
 /// How long dropping a board waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
+/// Bytes of a ray.
+const RAY: u64 = size_of::<KernelRay>() as u64;
+
+fn unreserved() -> DeviceError {
+    invalid("no room for these rays was reserved")
+}
+
 /// A scene resident on a Vulkan device.
 #[derive(Debug)]
 pub(crate) struct VulkanBoard {
     shared: Arc<Shared>,
     trees: Trees,
+    tuning: Tuning,
     /// Taken only when the board is dropped.
     gpu: Option<Gpu>,
 }
@@ -31,15 +40,18 @@ pub(crate) struct Gpu {
     timeline: Timeline,
     uploader: Uploader,
     resident: Resident,
-    rays: Option<Buffer>,
-    /// One for each launch that may be in flight, and one for walks.
+    /// The windows: as many rays in each but the last.
+    rays: Vec<Buffer>,
+    /// Made for the first camera.
+    maker: Option<Maker>,
+    /// As many as kernels were in flight at once.
     slots: Vec<Slot>,
     /// Kernels in flight with the slot and the number of items of each.
-    busy: Vec<(Flight, usize, usize)>,
+    busy: Vec<(Flight, usize, u32)>,
 }
 
 impl VulkanBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
         shared.abandoned.sweep();
         let logical = &shared.logical;
         let image = scene.image();
@@ -48,12 +60,13 @@ impl VulkanBoard {
             resident: Resident::new(logical, &image)?,
             timeline: Timeline::new(logical)?,
             uploader: Uploader::new(logical)?,
-            rays: None,
-            slots: (0..=IN_FLIGHT).map(|_| Slot::new(logical, shared.layout())).collect::<Result<_, _>>()?,
+            rays: Vec::new(),
+            maker: None,
+            slots: Vec::new(),
             busy: Vec::new(),
         };
         // From here on dropping it waits for the device.
-        let mut board = Self { trees: scene.trees(), shared, gpu: Some(gpu) };
+        let mut board = Self { trees: scene.trees(), tuning, shared, gpu: Some(gpu) };
         board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
         board.shared.logical.check_validation()?;
         Ok(board)
@@ -87,32 +100,68 @@ impl Board for VulkanBoard {
         "Vulkan"
     }
 
+    fn window(&self) -> u32 {
+        let bound = self.shared.logical.limits.binding / RAY;
+        u32::try_from(bound).unwrap_or(u32::MAX).min(self.tuning.window.unwrap_or(u32::MAX)).max(1)
+    }
+
+    fn persistent_lanes(&self) -> Option<u32> {
+        self.tuning.persistent_lanes
+    }
+
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
+        let window = self.window();
         self.on_gpu(|shared, gpu| {
             // First, so that there need not be room for both.
-            gpu.rays = None;
-            let bytes = u64::from(count) * size_of::<KernelRay>() as u64;
-            gpu.rays = Some(Buffer::new(&shared.logical, &format!("{count} rays"), bytes, Use::Kernel)?);
+            gpu.rays.clear();
+            let bytes = u64::from(count) * RAY;
+            let bound = shared.logical.limits.binding;
+            shared.logical.memory.check(&format!("{count} rays, of which {bound} bytes are bound at once,"), bytes)?;
+            let what = format!("a part of {count} rays");
+            for first in (0..count).step_by(window as usize) {
+                let bytes = u64::from(window.min(count - first)) * RAY;
+                gpu.rays.push(Buffer::new(&shared.logical, &what, bytes, Use::Kernel)?);
+            }
             shared.logical.check_validation()
         })
     }
 
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
-        self.on_gpu(|_, Gpu { timeline, uploader, rays: buffer, .. }| {
-            let buffer = buffer.as_ref().ok_or_else(|| invalid("no room for rays was reserved"))?;
-            uploader.send(timeline, buffer, u64::from(first) * size_of::<KernelRay>() as u64, rays)
+        let window = self.window();
+        self.on_gpu(|_, Gpu { timeline, uploader, rays: windows, .. }| {
+            let buffer = windows.get((first / window) as usize).ok_or_else(unreserved)?;
+            uploader.send(timeline, buffer, u64::from(first % window) * RAY, rays)
         })
     }
 
-    fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
+    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
+        if self.tuning.host_rays || !self.shared.makes_rays() {
+            return Ok(false);
+        }
+        self.on_gpu(|shared, Gpu { timeline, uploader, rays, maker, .. }| {
+            let rays = rays.get(window as usize).ok_or_else(unreserved)?;
+            let maker = match maker {
+                Some(maker) => maker,
+                None => maker.insert(Maker::new(shared)?),
+            };
+            maker.make(shared, uploader, timeline, rays, (camera, pixels))?;
+            shared.logical.check_validation()?;
+            Ok(true)
+        })
+    }
+
+    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        self.on_gpu(|_, Gpu { timeline, resident, rays, slots, busy, .. }| {
-            let rays = rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
+        self.on_gpu(|shared, Gpu { timeline, resident, rays, slots, busy, .. }| {
+            let rays = rays.get(window as usize).ok_or_else(unreserved)?;
             let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
-            let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
-            let value = slots[index].start(resident, rays, pipeline, items, purpose.counts(), timeline)?;
-            busy.push((Flight(value), index, items.len()));
+            let index = free.unwrap_or(slots.len());
+            if free.is_none() {
+                slots.push(Slot::new(&shared.logical, shared.layout())?);
+            }
+            let value = slots[index].start(resident, rays, pipeline, work, purpose.counts(), timeline)?;
+            busy.push((Flight(value), index, work.items()));
             Ok(Flight(value))
         })
     }
@@ -124,7 +173,7 @@ impl Board for VulkanBoard {
             let known = gpu.busy.iter().position(|(busy, ..)| *busy == flight);
             let (_, index, items) = gpu.busy.swap_remove(known.ok_or_else(|| invalid("no such kernel is in flight"))?);
             let slot = &gpu.slots[index];
-            read(Answer { found: slot.found(items), counts: slot.counts(), in_kernel: slot.in_kernel() });
+            read(Answer { found: slot.found(items as usize), counts: slot.counts(), in_kernel: slot.in_kernel() });
             Ok(())
         })
     }

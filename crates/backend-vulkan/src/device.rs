@@ -1,6 +1,5 @@
 //! Finding and opening devices.
 
-use crate::arithmetic;
 use crate::board::{Abandoned, VulkanBoard};
 use crate::buffer::{Buffer, Use};
 use crate::commands::{Commands, Recorder};
@@ -8,12 +7,13 @@ use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
 use crate::pipeline::{self, BUFFERS, Pipeline};
+use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// How to open devices.
 #[derive(Clone, Copy, Debug, Default)]
@@ -21,7 +21,8 @@ pub struct Options {
     /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
     /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
+    /// one alone ([`Layouts::default`]) may.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
     /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
@@ -47,6 +48,7 @@ pub struct VulkanDevice {
     info: DeviceInfo,
     card: Card,
     layouts: Layouts,
+    tuning: Tuning,
     shared: Arc<Shared>,
 }
 
@@ -58,6 +60,8 @@ pub(crate) struct Shared {
     /// Runs in place of every kernel that traces, where a test wants it to.
     instead: Option<Purpose>,
     kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    /// Whether it makes the host's camera rays; asked when the first are wanted.
+    makes_rays: OnceLock<bool>,
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
@@ -132,17 +136,31 @@ impl VulkanDevice {
             layout: Arc::new(layout),
             instead,
             kernels: options.kernels,
+            makes_rays: OnceLock::new(),
             abandoned: Abandoned::default(),
             logical,
             tally: Arc::default(),
         };
-        match arithmetic::check(&shared) {
+        match probe::check_arithmetic(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let layouts = options.layouts.unwrap_or(Layouts::usual(is_software));
-        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::USUAL), Tuning::default());
+        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
+    }
+
+    /// The device with other choices for the tracers that it will open.
+    #[must_use]
+    pub fn tuned(mut self, tuning: Tuning) -> Self {
+        self.tuning = tuning;
+        self
+    }
+
+    /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
+    #[must_use]
+    pub fn makes_rays(&self) -> bool {
+        self.shared.makes_rays()
     }
 
     /// The layouts in which it holds scenes.
@@ -199,7 +217,7 @@ impl Device for VulkanDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let scene = GpuScene::new(scene, self.layouts);
-        let board = VulkanBoard::new(Arc::clone(&self.shared), &scene)?;
+        let board = VulkanBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
@@ -215,10 +233,15 @@ impl GpuDevice for VulkanDevice {
 }
 
 impl Shared {
+    pub(crate) fn makes_rays(&self) -> bool {
+        // A device that is lost will say so when it is used.
+        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+    }
+
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
         let (layout, purpose) = match self.instead {
-            Some(instead) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            Some(instead) if purpose.traces() => (Layout::Two, instead),
             _ => (layout, purpose),
         };
         let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {

@@ -7,6 +7,7 @@ use crate::pipeline::{Bindings, Layout, Pipeline};
 use crate::timeline::Timeline;
 use crate::upload::Resident;
 use rt_core::{DeviceError, TestCounts};
+use rt_gpu::Work;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,9 +24,10 @@ pub(crate) struct Slot {
     pipeline: Option<Arc<Pipeline>>,
 }
 
-/// Buffers for up to `items` rays, with counts for up to `counted`.
+/// Buffers for up to `items` rays that `words` words name, with counts for up to `counted`.
 #[derive(Debug)]
 struct Room {
+    words: u32,
     items: u32,
     counted: u32,
     upload: Buffer,
@@ -40,22 +42,26 @@ const WORD: u64 = 4;
 const COUNTS: u64 = size_of::<TestCounts>() as u64;
 
 impl Room {
-    fn new(logical: &Arc<Logical>, items: u32, counted: u32) -> Result<Self, DeviceError> {
+    fn new(logical: &Arc<Logical>, [words, items, counted]: [u32; 3]) -> Result<Self, DeviceError> {
         let buffer = |what: &str, count: u32, size: u64, purpose| {
             Buffer::new(logical, &format!("{what} of {count} rays"), u64::from(count) * size, purpose)
         };
-        // One word more, for their number.
-        let listed = items.saturating_add(1);
         Ok(Self {
+            words,
             items,
             counted,
-            upload: buffer("the list", listed, WORD, Use::Upload)?,
-            work: buffer("the list", listed, WORD, Use::Kernel)?,
+            upload: buffer("the list", words, WORD, Use::Upload)?,
+            work: buffer("the list", words, WORD, Use::Kernel)?,
             found: buffer("the hits", items, WORD, Use::Kernel)?,
             found_back: buffer("the hits", items, WORD, Use::Download)?,
             counts: buffer("the counts", counted, COUNTS, Use::Kernel)?,
             counts_back: buffer("the counts", counted, COUNTS, Use::Download)?,
         })
+    }
+
+    /// Whether it is as large in every way.
+    const fn fits(&self, [words, items, counted]: [u32; 3]) -> bool {
+        self.words >= words && self.items >= items && self.counted >= counted
     }
 }
 
@@ -65,41 +71,42 @@ impl Slot {
             logical: Arc::clone(logical),
             commands: Commands::new(logical)?,
             bindings: Bindings::new(layout)?,
-            room: Room::new(logical, 0, 0)?,
+            room: Room::new(logical, [0; 3])?,
             counted: 0,
             pipeline: None,
         })
     }
 
-    /// Traces the rays of the list `items`, which must not be empty, and returns the value of the timeline that says it
-    /// is done. The slot's last launch is done.
+    /// Traces the rays that `work` names of `rays`, and returns the value of the timeline that says it is done. The slot's
+    /// last launch is done.
     pub(crate) fn start(
         &mut self,
         scene: &Resident,
         rays: &Buffer,
         pipeline: Arc<Pipeline>,
-        items: &[u32],
+        work: &Work,
         counted: bool,
         timeline: &mut Timeline,
     ) -> Result<u64, DeviceError> {
-        let count = items.len() as u32;
+        let (count, words) = (work.items(), work.words());
         let counts = if counted { count } else { 0 };
-        if self.room.items < count || self.room.counted < counts {
-            let (items, counted) = (self.room.items.max(count), self.room.counted.max(counts));
-            self.room = Room::new(&self.logical, items, counted)?;
+        let needed = [words.len() as u32, count, counts];
+        if !self.room.fits(needed) {
+            let Room { words, items, counted, .. } = self.room;
+            let [a, b, c] = needed;
+            self.room = Room::new(&self.logical, [words.max(a), items.max(b), counted.max(c)])?;
         }
         let Self { commands, bindings, room, .. } = self;
-        room.upload.write(0, &[count]);
-        room.upload.write(WORD as usize, items);
+        room.upload.write(0, words);
         let [nodes, triangles, primitives, frame] = scene.bindings(pipeline.tree());
         bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
         commands.record(|to| {
             // The launch before this one may still be running: its kernel must not be timed with ours.
             to.barrier(Stage::Kernel, Stage::Copy);
-            to.copy(&room.upload, &room.work, 0, (u64::from(count) + 1) * WORD);
+            to.copy(&room.upload, &room.work, 0, size_of_val(words) as u64);
             to.barrier(Stage::Copy, Stage::Kernel);
             to.stamp(0);
-            to.run(&pipeline, bindings, count);
+            to.run(&pipeline, bindings, work.lanes());
             to.stamp(1);
             to.barrier(Stage::Kernel, Stage::Copy);
             to.copy(&room.found, &room.found_back, 0, u64::from(count) * WORD);

@@ -9,16 +9,19 @@
 //!
 //! * Two layouts, of which [`Options`] choose, with one kernel each: single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
-//! * Rays are prepared on the host and uploaded, camera rays too.
+//! * Camera rays are made on the device, where a test of it shows the host's bits ([`VulkanDevice::makes_rays`]). Other rays,
+//!   those of bounces too, are prepared on the host and uploaded.
+//! * A launch has a lane for each ray. Persistent threads are there on request ([`Tuning`]): on lavapipe they gain nothing
+//!   (`cargo run --release -p rt-benches --bin launches`), and hardware was not measured.
 //! * Rays that start so close to a second triangle in the plane of their own that its side is lost in rounding, about
 //!   2⁻⁴⁰ of that triangle's size, go to the host: a quarter of the bounces off the doubled 2 km ground plane of one scene.
-//! * A scene or a stream whose buffer exceeds the device's limit for one binding is refused, with the sizes.
+//! * A scene with a buffer that exceeds the device's limit for one binding is refused, with the sizes. Rays beyond it lie in
+//!   several buffers, and a launch becomes a kernel for each.
 //! * One queue per device, which its tracers share.
 //!
 //! The raw handles of Vulkan are each owned by a type of a module of its own, which destroys them; `unsafe` is found
 //! there only.
 
-mod arithmetic;
 mod board;
 mod buffer;
 mod commands;
@@ -27,12 +30,14 @@ mod error;
 mod instance;
 mod launch;
 mod logical;
+mod maker;
 mod memory;
 mod pipeline;
+mod probe;
 mod timeline;
 mod upload;
 
 pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

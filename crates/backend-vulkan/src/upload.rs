@@ -64,7 +64,8 @@ impl Resident {
         let room = |(what, bytes): (&str, &[u8])| Buffer::new(logical, what, bytes.len() as u64, Use::Kernel);
         let [nodes, triangles, primitives, frame] = image.buffers();
         let buffers = [room(nodes)?, room(triangles)?, room(primitives)?, room(frame)?];
-        Ok(Self { buffers, wide: room(image.wide())? })
+        let (what, bytes) = image.wide();
+        Ok(Self { buffers, wide: room((&what, bytes))? })
     }
 
     /// Copies the scene that there is room for.
@@ -76,7 +77,8 @@ impl Resident {
     ) -> Result<(), DeviceError> {
         let mut pairs = self.buffers.iter().zip(image.buffers());
         pairs.try_for_each(|(buffer, (_, bytes))| uploader.send(timeline, buffer, 0, bytes))?;
-        uploader.send(timeline, &self.wide, 0, image.wide().1)
+        let (_, bytes) = image.wide();
+        uploader.send(timeline, &self.wide, 0, bytes)
     }
 
     /// What kernels over a layout find at bindings 0 to 3.

@@ -3,14 +3,14 @@
 use crate::device::Shared;
 use crate::launch::Slot;
 use crate::opened::Opened;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, IN_FLIGHT, PATIENCE, Trees};
+use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Trees, Tuning, Work};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
-use wgpu::{Buffer, BufferUsages, SubmissionIndex};
+use wgpu::{Buffer, BufferUsages, ComputePassDescriptor, SubmissionIndex};
 
 /// How long dropping a board waits for launches in flight. What is not done then is never freed.
 const DROP_LIMIT: Duration = Duration::from_secs(10);
@@ -18,18 +18,31 @@ const DROP_LIMIT: Duration = Duration::from_secs(10);
 /// Bytes sent to the device at once: large enough for the bus, little beside any scene that is worth a GPU.
 const SENDING: usize = 4 << 20;
 
+/// Bytes of a ray.
+const RAY: u64 = size_of::<KernelRay>() as u64;
+
+/// The most buffers for a stream's rays, each as large as the device binds at once. wgpu does not tell how much memory
+/// there is, and systems promise more than they have: where the least is bound, 128 MiB, these are 2 GiB.
+const WINDOWS: u64 = 16;
+
+fn unreserved() -> DeviceError {
+    invalid("no room for these rays was reserved")
+}
+
 /// A scene resident on a wgpu device.
 #[derive(Debug)]
 pub(crate) struct WgpuBoard {
     shared: Arc<Shared>,
     trees: Trees,
+    tuning: Tuning,
     /// Those of [`rt_gpu::SceneImage::buffers`], in their order.
     scene: [Buffer; 4],
     /// The wide tree; without one a word.
     wide: Buffer,
     sender: Sender,
-    rays: Option<Buffer>,
-    /// One for each launch that may be in flight, and one for walks.
+    /// The windows: as many rays in each but the last.
+    rays: Vec<Buffer>,
+    /// As many as kernels were in flight at once.
     slots: Vec<Slot>,
     /// Kernels in flight with the slot of each.
     busy: Vec<(Flight, usize)>,
@@ -37,7 +50,7 @@ pub(crate) struct WgpuBoard {
 }
 
 impl WgpuBoard {
-    pub(crate) fn new(shared: Arc<Shared>, scene: &GpuScene) -> Result<Self, DeviceError> {
+    pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
         let opened = &shared.opened;
         let mut sender = Sender { opened: Arc::clone(opened), last: None };
         let image = scene.image();
@@ -48,11 +61,11 @@ impl WgpuBoard {
         };
         let [nodes, triangles, primitives, frame] = image.buffers();
         let resident = [upload(nodes)?, upload(triangles)?, upload(primitives)?, upload(frame)?];
-        let wide = upload(image.wide())?;
+        let (what, bytes) = image.wide();
+        let wide = upload((&what, bytes))?;
         sender.finish()?;
-        let slots = (0..=IN_FLIGHT).map(|_| Slot::new(opened)).collect::<Result<Vec<_>, _>>()?;
-        let trees = scene.trees();
-        Ok(Self { shared, trees, scene: resident, wide, sender, rays: None, slots, busy: Vec::new(), started: 0 })
+        let (trees, rays, slots, busy) = (scene.trees(), Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { shared, trees, tuning, scene: resident, wide, sender, rays, slots, busy, started: 0 })
     }
 }
 
@@ -61,26 +74,75 @@ impl Board for WgpuBoard {
         "wgpu"
     }
 
+    fn window(&self) -> u32 {
+        let bound = self.shared.opened.binding / RAY;
+        u32::try_from(bound).unwrap_or(u32::MAX).min(self.tuning.window.unwrap_or(u32::MAX)).max(1)
+    }
+
+    fn persistent_lanes(&self) -> Option<u32> {
+        self.tuning.persistent_lanes
+    }
+
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
         // First, so that there need not be room for both.
-        self.rays = None;
-        let bytes = u64::from(count) * size_of::<KernelRay>() as u64;
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        self.rays = Some(self.shared.opened.buffer(&format!("{count} rays"), bytes, usage)?);
+        self.rays.clear();
+        let (opened, window, bytes) = (&self.shared.opened, self.window(), u64::from(count) * RAY);
+        let most = opened.binding.saturating_mul(WINDOWS);
+        if bytes > most {
+            let what = format!(
+                "{count} rays of {bytes} bytes: at most {most} are taken, {WINDOWS} times the {} that the device binds at once",
+                opened.binding
+            );
+            return Err(DeviceError::new(DeviceErrorKind::OutOfMemory, what));
+        }
+        let what = format!("a part of {count} rays");
+        for first in (0..count).step_by(window as usize) {
+            let bytes = u64::from(window.min(count - first)) * RAY;
+            self.rays.push(opened.buffer(&what, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
+        }
         Ok(())
     }
 
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
-        let buffer = self.rays.as_ref().ok_or_else(|| invalid("no room for rays was reserved"))?;
-        self.sender.send(buffer, u64::from(first) * size_of::<KernelRay>() as u64, bytemuck::cast_slice(rays))
+        let window = self.window();
+        let buffer = self.rays.get((first / window) as usize).ok_or_else(unreserved)?;
+        self.sender.send(buffer, u64::from(first % window) * RAY, bytemuck::cast_slice(rays))
     }
 
-    fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError> {
+    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
+        let shared = Arc::clone(&self.shared);
+        if self.tuning.host_rays || !shared.makes_rays() {
+            return Ok(false);
+        }
+        let (opened, usage) = (&shared.opened, BufferUsages::STORAGE | BufferUsages::COPY_DST);
+        let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
+        let block = opened.buffer("the camera", size_of::<KernelCamera>() as u64, usage)?;
+        let what = format!("{} pixels", pixels.len());
+        let list = opened.buffer(&what, size_of_val(pixels) as u64, usage)?;
+        self.sender.send(&block, 0, bytemuck::bytes_of(camera))?;
+        self.sender.send(&list, 0, bytemuck::cast_slice(pixels))?;
+        let pipeline = shared.pipeline(Layout::Two, Purpose::Camera, 0)?;
+        let done = opened.scoped("make rays", DeviceErrorKind::Lost, || {
+            let bindings = pipeline.bind(&opened.device, [&list, &list, &list, &list, &list, &block, rays, &list]);
+            let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+            pipeline.run(opened, &mut pass, &bindings, camera.count);
+            drop(pass);
+            opened.queue.submit([encoder.finish()])
+        })?;
+        opened.wait(done, PATIENCE)?;
+        Ok(true)
+    }
+
+    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        let rays = self.rays.as_ref().ok_or_else(|| invalid("no rays are loaded"))?;
+        let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
         let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
-        let index = free.ok_or_else(|| invalid("every slot for launches is in use"))?;
+        let index = free.unwrap_or(self.slots.len());
+        if free.is_none() {
+            self.slots.push(Slot::new(&self.shared.opened)?);
+        }
         self.shared.count_launch();
         let [two, triangles, primitives, frame] = &self.scene;
         let tree = match layout {
@@ -88,7 +150,7 @@ impl Board for WgpuBoard {
             Layout::Wide => &self.wide,
         };
         let inputs = [tree, triangles, primitives, frame, rays];
-        self.slots[index].start(inputs, &pipeline, items, purpose.counts())?;
+        self.slots[index].start(inputs, &pipeline, work, purpose.counts())?;
         self.started += 1;
         let flight = Flight(self.started);
         self.busy.push((flight, index));

@@ -1,16 +1,16 @@
 //! Finding and opening devices.
 
-use crate::arithmetic;
 use crate::board::WgpuBoard;
 use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
+use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
 
 /// How to open devices.
@@ -19,7 +19,7 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::usual`] for each device.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`].
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
@@ -42,6 +42,7 @@ pub struct WgpuDevice {
     info: DeviceInfo,
     card: Card,
     layouts: Layouts,
+    tuning: Tuning,
     shared: Arc<Shared>,
 }
 
@@ -50,6 +51,8 @@ pub struct WgpuDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
+    /// Whether it makes the host's camera rays; asked when the first are wanted.
+    makes_rays: OnceLock<bool>,
     /// Launches so far, walks too.
     launches: AtomicU32,
     pub opened: Arc<Opened>,
@@ -107,17 +110,31 @@ impl WgpuDevice {
         let shared = Shared {
             pipelines: Mutex::default(),
             options,
+            makes_rays: OnceLock::new(),
             launches: AtomicU32::default(),
             opened: Arc::new(opened),
             tally: Arc::default(),
         };
-        match arithmetic::check(&shared) {
+        match probe::check_arithmetic(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let layouts = options.layouts.unwrap_or(Layouts::usual(card.software));
-        Ok(Self { info, card, layouts, shared: Arc::new(shared) })
+        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::USUAL), Tuning::default());
+        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
+    }
+
+    /// The device with other choices for the tracers that it will open.
+    #[must_use]
+    pub fn tuned(mut self, tuning: Tuning) -> Self {
+        self.tuning = tuning;
+        self
+    }
+
+    /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
+    #[must_use]
+    pub fn makes_rays(&self) -> bool {
+        self.shared.makes_rays()
     }
 
     /// The layouts in which it holds scenes.
@@ -139,7 +156,7 @@ impl Device for WgpuDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let scene = GpuScene::new(scene, self.layouts);
-        let board = WgpuBoard::new(Arc::clone(&self.shared), &scene)?;
+        let board = WgpuBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
         Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
     }
 }
@@ -155,18 +172,25 @@ impl GpuDevice for WgpuDevice {
 }
 
 impl Shared {
+    pub(crate) fn makes_rays(&self) -> bool {
+        // A device that is lost will say so when it is used.
+        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+    }
+
     /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
     pub(crate) fn count_launch(&self) {
         let launch = self.launches.fetch_add(1, Ordering::Relaxed);
         if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
             self.opened.device.destroy();
+            // wgpu says so too, but after it has objected to the next call.
+            let _ = self.opened.lose("a test closed it");
         }
     }
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
         let (layout, purpose) = match self.options.trouble {
-            Some(Trouble::Kernel(instead)) if purpose != Purpose::Arithmetic => (Layout::Two, instead),
+            Some(Trouble::Kernel(instead)) if purpose.traces() => (Layout::Two, instead),
             _ => (layout, purpose),
         };
         let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {

@@ -4,7 +4,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
-use rt_gpu::Answer;
+use rt_gpu::{Answer, Work};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -28,9 +28,10 @@ pub(crate) struct Slot {
     running: Option<Running>,
 }
 
-/// Buffers for up to `items` rays, with counts for up to `counted`.
+/// Buffers for up to `items` rays that `words` words name, with counts for up to `counted`.
 #[derive(Debug)]
 struct Room {
+    words: u32,
     items: u32,
     counted: u32,
     work: Buffer,
@@ -79,15 +80,14 @@ impl Back {
 }
 
 impl Room {
-    fn new(opened: &Opened, items: u32, counted: u32) -> Result<Self, DeviceError> {
+    fn new(opened: &Opened, [words, items, counted]: [u32; 3]) -> Result<Self, DeviceError> {
         let buffer = |what: &str, size: u64, usage| opened.buffer(&format!("{what} of {items} rays"), size, usage);
-        // One word more, for their number.
-        let listed = (u64::from(items) + 1) * WORD;
         let written = BufferUsages::STORAGE | BufferUsages::COPY_SRC;
         Ok(Self {
+            words,
             items,
             counted,
-            work: buffer("the list", listed, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
+            work: buffer("the list", u64::from(words) * WORD, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
             found: buffer("the hits", u64::from(items) * WORD, written)?,
             counts: buffer("the counts", u64::from(counted) * COUNTS, written)?,
             back: buffer(
@@ -113,32 +113,32 @@ impl Stamps {
 impl Slot {
     pub(crate) fn new(opened: &Arc<Opened>) -> Result<Self, DeviceError> {
         let stamps = opened.tick.map(|tick| Stamps::new(opened, tick)).transpose()?;
-        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, 0, 0)?, stamps, running: None })
+        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, [0; 3])?, stamps, running: None })
     }
 
-    /// Traces the rays of the list `items`, which must not be empty. The slot's last launch is done. `inputs` are the
-    /// buffers of bindings 0 to 4.
+    /// Traces the rays that `work` names. The slot's last launch is done. `inputs` are the buffers of bindings 0 to 4.
     pub(crate) fn start(
         &mut self,
         inputs: [&Buffer; 5],
         pipeline: &Pipeline,
-        items: &[u32],
+        work: &Work,
         counted: bool,
     ) -> Result<(), DeviceError> {
-        let count = u32::try_from(items.len()).map_err(|_| invalid("a launch has fewer than 2^32 rays"))?;
+        let (count, words) = (work.items(), work.words());
         let counts = if counted { count } else { 0 };
-        if self.room.items < count || self.room.counted < counts {
-            self.room = Room::new(&self.opened, self.room.items.max(count), self.room.counted.max(counts))?;
+        let needed = [words.len() as u32, count, counts];
+        let there = [self.room.words, self.room.items, self.room.counted];
+        if there.iter().zip(needed).any(|(there, needed)| *there < needed) {
+            self.room = Room::new(&self.opened, std::array::from_fn(|i| there[i].max(needed[i])))?;
         }
         let back = Back::new(count, counts);
         let Self { opened, room, .. } = &*self;
-        opened.queue.write_buffer(&room.work, 0, &count.to_ne_bytes());
-        opened.queue.write_buffer(&room.work, WORD, bytemuck::cast_slice(items));
+        opened.queue.write_buffer(&room.work, 0, bytemuck::cast_slice(words));
         let [a, b, c, d, e] = inputs;
         let buffers: [&Buffer; BUFFERS] = [a, b, c, d, e, &room.work, &room.found, &room.counts];
         let (tell, mapped) = sync_channel(1);
         let done = opened.scoped("start a launch", DeviceErrorKind::Lost, || {
-            let done = self.submit(pipeline, buffers, count, back);
+            let done = self.submit(pipeline, buffers, work.lanes(), back);
             room.back.map_async(MapMode::Read, 0..back.size(), move |result| {
                 // Nobody listens any more when the launch was given up.
                 let _ = tell.send(result);
@@ -149,7 +149,7 @@ impl Slot {
         Ok(())
     }
 
-    fn submit(&self, pipeline: &Pipeline, buffers: [&Buffer; BUFFERS], count: u32, back: Back) -> SubmissionIndex {
+    fn submit(&self, pipeline: &Pipeline, buffers: [&Buffer; BUFFERS], lanes: u32, back: Back) -> SubmissionIndex {
         let Self { opened, room, stamps, .. } = self;
         let bindings = pipeline.bind(&opened.device, buffers);
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -159,7 +159,7 @@ impl Slot {
             end_of_pass_write_index: Some(1),
         });
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        pipeline.run(opened, &mut pass, &bindings, count);
+        pipeline.run(opened, &mut pass, &bindings, lanes);
         drop(pass);
         encoder.copy_buffer_to_buffer(&room.found, 0, &room.back, 0, back.found);
         let [start, end] = back.counts;

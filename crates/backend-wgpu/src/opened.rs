@@ -8,7 +8,7 @@ use std::time::Duration;
 use wgpu::{Adapter, Buffer, BufferDescriptor, BufferUsages, Error, ErrorFilter, Features, PollError, PollType};
 
 /// Smallest buffer: what the largest structure takes of which kernels read one without asking whether there is any.
-const LEAST_BUFFER: u64 = 64;
+const LEAST_BUFFER: u64 = 96;
 
 /// An opened device and its queue.
 #[derive(Debug)]

@@ -1,6 +1,8 @@
 //! Leaving a primitive out of a query: the one a ray starts on.
 
-use crate::types::*;
+use crate::arguments::*;
+use crate::enums::*;
+use crate::rays::*;
 use core::ffi::c_uint;
 use core::ptr::from_mut;
 

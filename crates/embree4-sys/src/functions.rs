@@ -1,7 +1,9 @@
 //! The functions of Embree's interface that are used here, each looked up in the library when it is loaded.
 
+use crate::arguments::*;
+use crate::enums::*;
 use crate::library;
-use crate::types::*;
+use crate::rays::*;
 use core::ffi::{c_char, c_int, c_uint, c_void};
 use core::ptr::null_mut;
 use libloading::Library;

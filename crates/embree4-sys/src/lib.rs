@@ -19,14 +19,18 @@
 //! longer hits and cannot be told from others.
 #![allow(non_camel_case_types, non_snake_case, reason = "types, fields and functions carry Embree's names")]
 
+mod arguments;
+mod enums;
 mod filter;
 mod functions;
 mod library;
 mod mesh;
-mod types;
+mod rays;
 
+pub use arguments::*;
+pub use enums::*;
 pub use filter::{Occluder, without};
 pub use functions::*;
 pub use library::{LoadError, VARIABLE, version};
 pub use mesh::{Mesh, MeshError};
-pub use types::*;
+pub use rays::*;

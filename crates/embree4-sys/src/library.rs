@@ -1,7 +1,7 @@
 //! Finding and loading the library, once in a process.
 
+use crate::enums::RTCDeviceProperty;
 use crate::functions::Functions;
-use crate::types::RTCDeviceProperty;
 use core::fmt;
 use libloading::Library;
 use std::ffi::OsString;

@@ -1,9 +1,10 @@
 //! A scene of one triangle mesh, safe to use: what `embree4-rs` has no calls for.
 
+use crate::enums::*;
 use crate::filter::{FilterContext, Occluder};
 use crate::functions::*;
 use crate::library::{LoadError, version};
-use crate::types::*;
+use crate::rays::*;
 use core::fmt;
 use core::ptr::{from_mut, null, null_mut};
 

@@ -1,14 +1,17 @@
 //! The balancer: one scene, several devices, and what was learned about them.
 
-use crate::estimate::estimate;
+use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
 use crate::member::{Member, Outputs, all_lost};
 use crate::models::{Key, Models};
 use crate::plan::plan_of;
 use crate::report::StreamRun;
-use crate::run::run;
+use crate::run::{Ran, run};
 use crate::{BalanceError, Control, Scheduling, Stream, clock};
-use rt_core::{Device, DeviceInfo, Hit, Launch, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts, Traffic};
+use rt_core::{
+    CostEstimator, Device, DeviceInfo, Hit, Launch, LaunchRecord, Ray, RaySource, RayStream, Scene, StreamKind,
+    StreamRecord, StreamSpec, TestCounts, Traffic,
+};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -130,14 +133,7 @@ impl Balancer {
         let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
         let end = clock::now();
 
-        for launch in &ran.launches {
-            scheduling.estimator.learn(&rt_core::LaunchRecord {
-                stream: stream.view(),
-                work: &estimated.work,
-                device: launch.member,
-                outcomes: &launch.outcomes,
-            });
-        }
+        teach(&mut *scheduling.estimator, stream.view(plan.lanes.len()), &estimated, &ran);
         learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, begin, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
@@ -164,6 +160,28 @@ impl Balancer {
             Err(all_lost(&self.members, stream.tasks.len()))
         }
     }
+}
+
+/// Tells the estimator what its stream took.
+fn teach(estimator: &mut dyn CostEstimator, stream: RayStream<'_>, estimated: &Estimated, ran: &Ran) {
+    for launch in &ran.launches {
+        estimator.learn(&LaunchRecord {
+            stream,
+            work: &estimated.work,
+            device: launch.member,
+            outcomes: &launch.outcomes,
+            per_task: launch.per_task,
+        });
+    }
+    let kept = estimated.kept.as_ref().map_or(0, |mask| u64::from(mask.count()));
+    let traced: u64 = ran.launches.iter().map(|launch| u64::from(launch.rays)).sum();
+    estimator.finish(&StreamRecord {
+        stream,
+        walked_rays: estimated.walked,
+        walk_s: estimated.walks.iter().map(|walk| walk.span.in_kernel.as_secs_f64()).sum(),
+        traced_rays: traced.saturating_sub(kept),
+        trace_s: ran.launches.iter().map(|launch| launch.span.in_kernel.as_secs_f64()).sum(),
+    });
 }
 
 fn check_length(argument: &'static str, found: usize, rays: usize) -> Result<(), BalanceError> {

@@ -3,7 +3,7 @@
 use crate::member::{Member, Outputs, all_lost};
 use crate::record::WalkDone;
 use crate::{BalanceError, Stream};
-use rt_core::{CostEstimator, DeviceError, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
+use rt_core::{CostEstimator, DeviceError, DeviceErrorKind, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -36,8 +36,9 @@ pub(crate) fn estimate(
     let mut walks = Vec::new();
     let mut walked = 0;
     let (mut rays, mut counts) = (Vec::new(), Vec::new());
+    let devices = members.iter().filter(|member| member.tracer.is_some()).count();
     loop {
-        match estimator.next(stream.view(), Observation { rays: &rays, counts: &counts }) {
+        match estimator.next(stream.view(devices), Observation { rays: &rays, counts: &counts }) {
             Step::Done(work) => {
                 debug_assert_eq!(work.len(), stream.tasks.len(), "one entry for each task");
                 return Ok(Estimated { work, kept: kept.map(Arc::new), walked, walks });
@@ -46,7 +47,7 @@ pub(crate) fn estimate(
                 let mut hits = vec![Hit::MISS; if walk == Walk::Full { wanted.len() } else { 0 }];
                 counts = vec![TestCounts::default(); wanted.len()];
                 walk_on_all(members, &wanted, walk, &mut counts, &mut hits, &mut walks)
-                    .map_err(|_| all_lost(members, stream.tasks.len()))?;
+                    .map_err(|unwalked| unwalked.error(members, stream.tasks.len()))?;
                 walked += wanted.len() as u64;
                 if walk == Walk::Full {
                     let mask = kept.get_or_insert_with(|| RayMask::new(stream.source.len()));
@@ -65,9 +66,18 @@ pub(crate) fn estimate(
     }
 }
 
-/// Some samples were walked by no device, because all failed.
+/// Some samples were walked by no device: all failed, or those left have no such walk, as the last one says.
 #[derive(Debug)]
-struct Unwalked;
+struct Unwalked(Option<(usize, DeviceError)>);
+
+impl Unwalked {
+    fn error(self, members: &[Member], tasks: usize) -> BalanceError {
+        match self.0 {
+            Some((index, source)) => BalanceError::Refused { device: members[index].info.name.clone(), source },
+            None => all_lost(members, tasks),
+        }
+    }
+}
 
 /// What one device brings back from its share of the samples.
 #[derive(Default)]
@@ -89,9 +99,13 @@ fn walk_on_all(
     let open: Mutex<Vec<Range<usize>>> =
         Mutex::new((0..rays.len()).step_by(chunk).map(|at| at..rays.len().min(at + chunk)).rev().collect());
     // A failed device's chunk goes back to `open`, but the others may have left by then: go round until none is open.
+    let mut unable: Vec<(usize, DeviceError)> = Vec::new();
     loop {
         let shares: Vec<(usize, Share)> = std::thread::scope(|scope| {
-            let living = members.iter_mut().enumerate().filter(|(_, member)| member.tracer.is_some());
+            let living = members
+                .iter_mut()
+                .enumerate()
+                .filter(|(index, member)| member.tracer.is_some() && unable.iter().all(|(unable, _)| unable != index));
             let threads: Vec<_> = living
                 .map(|(index, member)| {
                     let open = &open;
@@ -108,15 +122,21 @@ fn walk_on_all(
                 }
             }
             walks.extend(share.walks);
-            if let Some(error) = share.error {
-                members[index].fail(&error);
+            match share.error {
+                // It has no such walk, and is as it was: the others walk.
+                Some(error) if error.kind() == DeviceErrorKind::Unsupported => unable.push((index, error)),
+                Some(error) => members[index].fail(&error),
+                None => {}
             }
         }
         if open.lock().unwrap_or_else(PoisonError::into_inner).is_empty() {
             return Ok(());
         }
-        if members.iter().all(|member| member.tracer.is_none()) {
-            return Err(Unwalked);
+        let able = |(index, member): (usize, &Member)| {
+            member.tracer.is_some() && unable.iter().all(|(unable, _)| *unable != index)
+        };
+        if !members.iter().enumerate().any(able) {
+            return Err(Unwalked(unable.pop()));
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::estimate::Estimated;
 use crate::member::Member;
 use crate::models::Key;
 use crate::plan::Plan;
-use crate::report::{Activity, DeviceReport, EstimateReport, StreamReport, StreamRun};
+use crate::report::{Activity, DeviceReport, EstimateReport, ModelReport, StreamReport, StreamRun};
 use crate::run::Ran;
 use crate::{Scheduling, Stream};
 use rt_core::{TaskId, TestCounts, Work};
@@ -46,10 +46,14 @@ pub(crate) fn measure(
     let mut activities: Vec<Activity> = estimated.walks.iter().map(|walk| walk.activity(times.origin)).collect();
     activities.extend(ran.launches.iter().map(|launch| launch.activity(times.origin)));
 
+    let key = Key::of(&*scheduling.estimator, stream.kind);
     let devices: Vec<DeviceReport> = members
         .iter()
         .enumerate()
-        .map(|(index, member)| device_report(index, member, &activities, estimated, ran))
+        .map(|(index, member)| DeviceReport {
+            model: key.and_then(|key| member.models.fit(key)).map(ModelReport::from),
+            ..device_report(index, member, &activities, estimated, ran)
+        })
         .collect();
     let makespan_s = times.end.saturating_sub(times.begin).as_secs_f64();
     let estimate_s = times.planned.saturating_sub(times.begin).as_secs_f64();
@@ -61,11 +65,15 @@ pub(crate) fn measure(
         tasks: tasks as u32,
         estimate: EstimateReport {
             estimator: scheduling.estimator.name().to_owned(),
+            chosen: scheduling.estimator.chosen().to_owned(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
             seconds: estimate_s,
             overhead: metrics::overhead(estimate_s, makespan_s),
             mre_counts: None,
             mre_time: None,
+            std_error: typical_error(&estimated.work),
+            errors_counts: None,
+            errors_time: None,
         },
         makespan_s,
         imbalance: imbalance(plan, &devices, makespan_s),
@@ -104,6 +112,14 @@ pub(crate) fn learn_launches(members: &mut [Member], key: Option<Key>, plan: &Pl
     }
 }
 
+/// Median of the tasks' relative standard errors.
+fn typical_error(work: &[Work]) -> Option<f64> {
+    let relative = work.iter().filter(|w| w.tests() > 0.0).filter_map(|w| Some(w.std_error()? / w.tests()));
+    let mut relative: Vec<f64> = relative.map(f64::from).collect();
+    let middle = relative.len() / 2;
+    (!relative.is_empty()).then(|| *relative.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
 /// `part / whole`, 0 where nothing was to be done.
 fn share(part: f64, whole: f64) -> f64 {
     if whole > 0.0 { part / whole } else { 0.0 }
@@ -135,6 +151,7 @@ fn device_report(
         launches: own().count() as u32,
         tasks: own().map(|launch| launch.outcomes.len() as u32).sum(),
         rays: own().map(|launch| u64::from(launch.rays)).sum(),
+        model: None,
         error: member.failure.clone(),
     }
 }

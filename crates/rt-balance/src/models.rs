@@ -3,7 +3,7 @@
 use crate::member::Member;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
-use rt_sched::calibrate::{Calibration, Measured};
+use rt_sched::calibrate::{Calibration, Fit, Measured};
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -55,14 +55,23 @@ impl Models {
         if launch.per_task {
             let mut inside = 0.0;
             for outcome in &launch.outcomes {
-                calibration.observe(measured(0.0, left(outcome.task), outcome.measured_s));
+                calibration.observe(Measured::of(left(outcome.task), outcome.measured_s));
                 inside += outcome.measured_s;
             }
-            calibration.observe(measured(1.0, &Work::default(), (seconds - inside).max(0.0)));
+            calibration.observe(Measured {
+                launches: 1.0,
+                seconds: (seconds - inside).max(0.0),
+                ..Measured::default()
+            });
         } else {
             let sum = launch.outcomes.iter().fold(Work::default(), |sum, outcome| sum.plus(left(outcome.task)));
-            calibration.observe(measured(1.0, &sum, seconds));
+            calibration.observe(Measured { launches: 1.0, ..Measured::of(&sum, seconds) });
         }
+    }
+
+    /// The prices of launches fitted so far.
+    pub(crate) fn fit(&self, key: Key) -> Option<Fit> {
+        self.launches.get(&key)?.fit()
     }
 
     /// Fitted seconds of a launch before its first ray, over all streams; 0 before anything was measured.
@@ -70,12 +79,6 @@ impl Models {
         let fits = self.launches.values().filter_map(|c| Some(c.fit()?.model.per_launch()));
         fits.reduce(f64::min).unwrap_or(0.0)
     }
-}
-
-/// An observation of estimated work.
-pub(crate) fn measured(launches: f64, work: &Work, seconds: f64) -> Measured {
-    let [rays, boxes, triangles] = [work.rays(), work.boxes(), work.triangles()].map(f64::from);
-    Measured { launches, rays, boxes, triangles, seconds }
 }
 
 /// Devices whose models differ by less than this on the work at hand share one, fitted to the launches of all.
@@ -123,7 +126,7 @@ mod tests {
         for i in 1..=20_u16 {
             let work = Work::new(100.0, 1000.0 * f32::from(i % 7 + 1), 100.0 * f32::from(i % 3));
             let seconds = f64::from(work.rays() + work.tests()) * ns * 1e-9;
-            calibration.observe(measured(0.0, &work, seconds));
+            calibration.observe(Measured::of(&work, seconds));
         }
         calibration
     }

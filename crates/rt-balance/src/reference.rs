@@ -3,12 +3,11 @@
 use crate::balancer::Balancer;
 use crate::measure::tests_of;
 use crate::member::Member;
-use crate::models::measured;
-use crate::report::StreamRun;
+use crate::report::{ErrorReport, StreamRun};
 use crate::stats::median;
 use crate::{BalanceError, Stream, clock};
-use rt_core::{DeviceError, Launch, TestCounts, Work};
-use rt_sched::calibrate::Calibration;
+use rt_core::{DeviceError, Launch, TestCounts};
+use rt_sched::calibrate::cross_predicted;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::{bound, metrics};
 use std::time::Duration;
@@ -87,41 +86,21 @@ impl Reference {
     /// Fills in what only a reference pass knows: lower bound, excess, and both estimation errors.
     pub fn judge(&self, run: &mut StreamRun) {
         run.reference_s = Some(self.wall_s);
-        let time = self.time_errors(run);
         let report = &mut run.report;
         report.lower_bound_s = Some(self.lower_bound_s);
         report.excess = metrics::excess(report.makespan_s, self.lower_bound_s);
         let estimated: Vec<f64> = run.work.iter().map(|work| f64::from(work.tests())).collect();
-        report.estimate.mre_counts = EstimateErrors::new(&estimated, &self.tests).map(|errors| errors.mean_relative);
-        report.estimate.mre_time = time.map(|errors| errors.mean_relative);
-    }
-
-    /// Errors of the run's estimate against each task's own time on the device that traced it, by prices fitted on the
-    /// other half of the tasks; `None` where nothing was measured.
-    #[must_use]
-    pub fn time_errors(&self, run: &StreamRun) -> Option<EstimateErrors> {
+        let errors = |estimated: &[f64], truth: &[f64]| EstimateErrors::new(estimated, truth).map(ErrorReport::from);
+        report.estimate.errors_counts = errors(&estimated, &self.tests);
+        report.estimate.mre_counts = report.estimate.errors_counts.map(|errors| errors.mean);
         let own = |task: usize| {
             let device = run.device_of.get(task).map_or(usize::MAX, |&device| device as usize);
             self.seconds.get(device).and_then(|s| s.get(task)).copied().unwrap_or(f64::NAN)
         };
         let truth: Vec<f64> = (0..run.tasks.len()).map(own).collect();
-        EstimateErrors::new(&cross_predicted(&run.work, &truth), &truth)
+        report.estimate.errors_time = errors(&cross_predicted(&run.work, &truth), &truth);
+        report.estimate.mre_time = report.estimate.errors_time.map(|errors| errors.mean);
     }
-}
-
-/// Seconds of each task as predicted by prices that were fitted on other tasks: even ones predict odd ones and the
-/// other way round. NaN where too little was measured.
-fn cross_predicted(work: &[Work], truth: &[f64]) -> Vec<f64> {
-    let fits = [0, 1].map(|parity| {
-        let mut calibration = Calibration::new(f64::INFINITY);
-        for (work, &seconds) in work.iter().zip(truth).skip(parity).step_by(2) {
-            calibration.observe(measured(0.0, work, seconds));
-        }
-        calibration.fit()
-    });
-    let other = |task: usize| &fits[1 - task % 2];
-    let predict = |(task, work)| other(task).as_ref().map_or(f64::NAN, |fit| fit.model.seconds(work));
-    work.iter().enumerate().map(predict).collect()
 }
 
 /// The bound over the devices that did not fail.

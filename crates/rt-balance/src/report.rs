@@ -1,6 +1,8 @@
 //! What a run tells: the numbers of `report.json` (schema 1) and the raw record they were computed from.
 
 use rt_core::{StreamKind, TaskId, Work};
+use rt_sched::calibrate::Fit;
+use rt_sched::metrics::EstimateErrors;
 use serde::Serialize;
 
 /// One stream of a run, as written to `report.json`. Seconds throughout; `None` (null) where a value is not known.
@@ -32,10 +34,12 @@ pub struct StreamReport {
 }
 
 /// The estimation of one stream.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct EstimateReport {
     /// Name of the estimator.
     pub estimator: String,
+    /// Name of the estimator that made this estimate: another where `estimator` chooses among several.
+    pub chosen: String,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
     /// Wall seconds of estimating and planning.
@@ -46,10 +50,67 @@ pub struct EstimateReport {
     pub mre_counts: Option<f64>,
     /// Mean relative error per task of the predicted seconds against measured ones, after one common scale.
     pub mre_time: Option<f64>,
+    /// Median over the tasks of the standard error of their tests, relative to the tests: what the estimate says of its
+    /// error against counts; `None` where no task has one.
+    pub std_error: Option<f64>,
+    /// All errors of the estimated number of tests against exact counts.
+    pub errors_counts: Option<ErrorReport>,
+    /// All errors of the predicted seconds, by prices fitted on other tasks, against measured ones.
+    pub errors_time: Option<ErrorReport>,
+}
+
+/// How far estimates lie from the truth per task, after one common scale; no units.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ErrorReport {
+    /// Mean of `|ĉ − c| / c`.
+    pub mean: f64,
+    /// `Σ |ĉ − c| / Σ c`.
+    pub weighted: f64,
+    /// 95th percentile of `|ĉ − c| / c`.
+    pub p95: f64,
+    /// Mean of `(ĉ − c) / c`.
+    pub bias: f64,
+}
+
+impl From<EstimateErrors> for ErrorReport {
+    fn from(errors: EstimateErrors) -> Self {
+        let EstimateErrors { mean_relative, weighted, p95, bias, .. } = errors;
+        Self { mean: mean_relative, weighted, p95, bias }
+    }
+}
+
+/// What a device's launches cost, as fitted to those so far: from counts to seconds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ModelReport {
+    /// Seconds per launch.
+    pub per_launch_s: f64,
+    /// Seconds per ray, beyond its tests.
+    pub per_ray_s: f64,
+    /// Seconds per box test.
+    pub per_box_s: f64,
+    /// Seconds per triangle test.
+    pub per_triangle_s: f64,
+    /// Root mean square of the relative errors of what was measured, without a unit: what the prices leave unexplained.
+    pub residual: f64,
+    /// How many prices were told apart: 4, 2 (launches; rays and tests), or 1.
+    pub prices: u32,
+}
+
+impl From<Fit> for ModelReport {
+    fn from(fit: Fit) -> Self {
+        Self {
+            per_launch_s: fit.model.per_launch(),
+            per_ray_s: fit.model.per_ray(),
+            per_box_s: fit.model.per_box(),
+            per_triangle_s: fit.model.per_triangle(),
+            residual: fit.relative_error,
+            prices: fit.prices,
+        }
+    }
 }
 
 /// One device's part in a stream.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DeviceReport {
     /// Name of the device.
     pub name: String,
@@ -71,6 +132,8 @@ pub struct DeviceReport {
     pub tasks: u32,
     /// Number of rays traced in launches.
     pub rays: u64,
+    /// Its prices for streams of this kind and this estimator; `None` before any were measured.
+    pub model: Option<ModelReport>,
     /// Why the device dropped out, if it did.
     pub error: Option<String>,
 }

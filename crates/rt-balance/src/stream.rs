@@ -2,7 +2,7 @@
 
 use crate::BalanceError;
 use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
-use rt_sched::estimate::Sampled;
+use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -45,10 +45,12 @@ impl Stream {
         self
     }
 
-    /// The estimator's view.
+    /// The estimator's view of the stream, when `devices` devices trace it.
     #[must_use]
-    pub fn view(&self) -> RayStream<'_> {
-        RayStream { kind: self.kind, tasks: &self.tasks, seed: self.seed, part: self.wave }
+    pub fn view(&self, devices: usize) -> RayStream<'_> {
+        let devices = u32::try_from(devices).unwrap_or(u32::MAX);
+        let (source, seed, part) = (Some(&self.source), self.seed, self.wave);
+        RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices }
     }
 
     /// Checks that the tasks cover the rays.
@@ -102,10 +104,10 @@ pub struct Scheduling {
 }
 
 impl Default for Scheduling {
-    /// The hybrid queue over sampled exact counts: 1 ray in 64, whose hits are kept.
+    /// The hybrid queue over the estimator that chooses for itself.
     fn default() -> Self {
         Self {
-            estimator: Box::new(Sampled::default()),
+            estimator: Box::<Auto>::default(),
             policy: None,
             queue: QueueKind::Hybrid,
             limit: Duration::from_secs(600),

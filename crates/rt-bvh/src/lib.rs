@@ -32,5 +32,5 @@ pub use build::{BuildError, BuildReport, Built, Fallback, build};
 pub use options::PlocQuality;
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
 pub use stats::TreeStats;
-pub use trace::{Stack, count, count_wide, offload, trace, trace_wide};
+pub use trace::{ReducedTree, Stack, count, count_wide, offload, trace, trace_wide};
 pub use wide::{WideError, WideNode, WideTree};

@@ -80,3 +80,66 @@ fn a_leaf_taken_for_a_hit_ends_the_ray() {
     assert_eq!(most.triangles, 64);
     assert!(cut.triangles <= 4, "{cut:?}");
 }
+
+/// Rays that start on the model's triangles in random directions, as bounced ones do.
+fn bounced(model: &common::Model, count: u32, seed: u32) -> Vec<Ray> {
+    let mut random = common::Random::new(seed);
+    let ray = |_| {
+        let triangle = (random.unit() * model.indices.len() as f32) as u32;
+        let [a, b, c] = model.triangle(triangle).vertices();
+        let direction = Vec3::new(random.signed(), random.signed(), random.signed());
+        let origin = (a + b + c) / 3.0;
+        Ray::new(origin + direction * 1e-3, direction)
+    };
+    (0..count).map(ray).collect()
+}
+
+// Stand-ins for leaves predict what batches of rays cost, nearer than walks that know nothing of triangles.
+//
+// Mutants: planes that always cut, or never; the offset's sign; stubs that are never hit; `top` that forgets to number
+// a leaf child; sums that are not divided by their rays.
+#[test]
+fn stand_ins_predict_the_cost_of_batches() {
+    let mut model = soup(20_000, 0.03, 11);
+    let ball = icosphere(4);
+    (0..ball.indices.len() as u32).for_each(|i| model.push(ball.triangle(i).vertices().map(|p| p * 0.7)));
+    let scene = scene_of(&model, Builder::Sah);
+    let total = |walk: Walk, rays: &[Ray]| -> f64 {
+        count_all(&scene, walk, rays).iter().map(|(_, c)| f64::from(c.boxes) + f64::from(c.triangles)).sum()
+    };
+    for seed in [12, 13] {
+        let rays = bounced(&model, 4_000, seed);
+        let exact = total(Walk::Full, &rays);
+        let error = |walk| (total(Walk::Reduced(walk), &rays) / exact - 1.0).abs();
+        let [cut, never, plane, truncated] =
+            [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened, ReducedWalk::LeafPlane, ReducedWalk::Truncated]
+                .map(error);
+        assert!(plane < 0.5 * cut && plane < 0.5 * never && plane < 0.15, "{plane} {cut} {never}");
+        assert!(truncated < 0.15, "{truncated}");
+    }
+}
+
+// Nothing but the scene decides what a stand-in says, and none breaks on empty or degenerate scenes and rays.
+#[test]
+fn stand_ins_are_reproducible_on_any_scene() {
+    let aims = soup(10, 1.0, 6);
+    for model in [soup(0, 1.0, 1), soup(1, 1.0, 2), soup(2, 1.0, 3), icosphere(2), soup(300, 0.1, 4).map(|p| p * 1e-30)]
+    {
+        let rays = nasty_rays(if model.indices.is_empty() { &aims } else { &model }, 500, 5);
+        let scene = scene_of(&model, Builder::Sah);
+        let most = count_all(&scene, UNSHORTENED, &rays);
+        for walk in [ReducedWalk::LeafPlane, ReducedWalk::Truncated] {
+            let tree = rt_bvh::ReducedTree::for_walk(&scene, walk).expect("a tree of its own");
+            let mut kept = Vec::new();
+            let mut stack = rt_bvh::Stack::default();
+            tree.count(&scene, &mut stack, rays.iter().map(|&ray| (ray, u32::MAX)), |hit, counts| {
+                kept.push((hit, counts))
+            });
+            assert_eq!(kept, count_all(&scene, Walk::Reduced(walk), &rays));
+            let counts_no_more = |(a, b): (&(Hit, TestCounts), &(Hit, TestCounts))| {
+                a.0 == Hit::MISS && a.1.boxes <= b.1.boxes && a.1.triangles <= b.1.triangles
+            };
+            assert!(walk == ReducedWalk::Truncated || kept.iter().zip(&most).all(counts_no_more));
+        }
+    }
+}

@@ -46,8 +46,8 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) {
     }
 }
 
-// Fails when the padding is not doubled, when lower planes are rounded up, and when a ray's octant is turned round for
-// near planes but not for far ones.
+// Fails when wide boxes are not padded, and when a ray's octant is turned round for the planes through which it enters but not
+// for those through which it leaves.
 #[test]
 fn hits_are_those_of_every_triangle() {
     for (name, model) in [
@@ -98,7 +98,7 @@ fn huge_among_small() -> Model {
     model
 }
 
-// Fails when the reach for which wide boxes are tested is not limited.
+// Fails when wide boxes are not padded.
 #[test]
 fn rays_of_any_origin_and_length_hit_alike() {
     let model = soup(300, 0.3, 14);
@@ -129,7 +129,7 @@ fn rays_of_any_origin_and_length_hit_alike() {
     }
 }
 
-// Fails when t is compared with tmin before it is rounded, and when the near ends of boxes ignore tmin.
+// Fails with the mutants of the test of every triangle.
 #[test]
 fn ends_of_the_ray_are_inclusive_and_exclusions_hold() {
     for model in [soup(300, 0.3, 18), icosphere(2)] {
@@ -309,7 +309,8 @@ fn point() -> impl Strategy<Value = Vec3> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
-    // Fails with any of the mutants named at `hits_are_those_of_every_triangle`, and when a grid's exponent is one less.
+    // Fails with the mutants named at `hits_are_those_of_every_triangle`, and when a lower plane that rounding put too high is
+    // not lowered.
     #[test]
     fn any_mesh_and_any_ray_agree_with_the_two_wide_tree(
         positions in prop::collection::vec(point(), 3..40),

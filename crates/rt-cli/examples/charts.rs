@@ -74,6 +74,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
             tasks: launches * 3,
             rays: u64::from(launches) * 4096,
             error: None,
+            ..DeviceReport::default()
         });
     }
     let report = StreamReport {
@@ -89,6 +90,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
             overhead: Some(0.01),
             mre_counts: Some(0.012),
             mre_time: Some(0.05),
+            ..EstimateReport::default()
         },
         makespan_s,
         imbalance: Some(0.0172),

@@ -75,12 +75,16 @@ pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
 #[derive(Clone, Debug, Args)]
 pub(crate) struct EstimateArgs {
     /// How the cost of a task is estimated
-    #[arg(long, value_enum, default_value_t = EstimatorArg::Exact)]
+    #[arg(long, value_enum, default_value_t = EstimatorArg::Auto)]
     pub(crate) estimator: EstimatorArg,
-    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156)
-    #[arg(long, value_parser = parse_fraction, default_value = "1/64", value_name = "F")]
-    pub(crate) fraction: f64,
-    /// What a reduced walk does at a leaf: count it as the hit, or never shorten the ray
+    /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156); default 1/64;
+    /// the estimator auto follows its budget instead, and adaptive begins with 1/256
+    #[arg(long, value_parser = parse_fraction, value_name = "F")]
+    pub(crate) fraction: Option<f64>,
+    /// Share of the trace that the estimator auto may spend on sampling (such as 0.005)
+    #[arg(long, value_parser = parse_share, default_value = "0.005", value_name = "F")]
+    pub(crate) budget: f64,
+    /// What a reduced walk does at a leaf
     #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
     pub(crate) reduced: ReducedArg,
 }
@@ -273,6 +277,35 @@ pub(crate) struct TraceArgs {
 }
 
 #[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
+    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
+    #[arg(long, value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
+    pub(crate) rays: Option<u32>,
+    /// Repetitions that count; one more goes before
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    pub(crate) repeat: u32,
+    /// Few rays, three repetitions: to see that it works
+    #[arg(long, conflicts_with_all = ["rays", "repeat"])]
+    pub(crate) quick: bool,
+    /// Seed of bounces and random rays
+    #[arg(long, default_value_t = 1)]
+    pub(crate) seed: u32,
+    /// Print JSON, with every single measurement, instead of tables
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write that JSON to a file as well
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
 #[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
 pub(crate) struct VerifyArgs {
     /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
@@ -356,35 +389,6 @@ impl PrecisionTradeoffArgs {
     }
 }
 
-#[derive(Debug, Args)]
-pub(crate) struct BenchArgs {
-    /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
-    pub(crate) scenes: Vec<String>,
-    #[command(flatten)]
-    pub(crate) source: SceneArgs,
-    /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
-    #[arg(long, value_name = "LIST")]
-    pub(crate) devices: Option<String>,
-    /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
-    pub(crate) rays: Option<u32>,
-    /// Repetitions that count; one more goes before
-    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
-    pub(crate) repeat: u32,
-    /// Few rays, three repetitions: to see that it works
-    #[arg(long, conflicts_with_all = ["rays", "repeat"])]
-    pub(crate) quick: bool,
-    /// Seed of bounces and random rays
-    #[arg(long, default_value_t = 1)]
-    pub(crate) seed: u32,
-    /// Print JSON, with every single measurement, instead of tables
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Write that JSON to a file as well
-    #[arg(long, value_name = "FILE")]
-    pub(crate) out: Option<PathBuf>,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {
     /// Watertight: single precision, doubtful cases decided in double
@@ -407,12 +411,18 @@ impl From<PrecisionArg> for Precision {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum EstimatorArg {
+    /// Whichever of exact, field and history predicted such streams best, within --budget
+    Auto,
     /// All rays cost the same
     Uniform,
     /// Box and triangle tests of sampled rays, without triangles
     Reduced,
     /// Full traversal of sampled rays, whose hits are kept
     Exact,
+    /// As exact, with as many samples as they are worth, where they are worth most
+    Adaptive,
+    /// As exact, with a map of where in the scene rays are dear
+    Field,
     /// Measured times of the previous pass or frame
     History,
 }
@@ -423,6 +433,10 @@ pub(crate) enum ReducedArg {
     Leaf,
     /// The ray is never shortened
     Unshortened,
+    /// The ray is cut by a plane for each leaf, as often as its triangles cover it (CPU devices)
+    Plane,
+    /// Only the top of the tree is walked, over calibrated stubs (CPU devices)
+    Truncated,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -452,6 +466,13 @@ fn parse_fraction(text: &str) -> Result<f64, String> {
         None => number(text)?,
     };
     if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
+}
+
+fn parse_share(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
+    }
 }
 
 fn parse_size(text: &str) -> Result<[u32; 2], String> {

@@ -25,7 +25,8 @@ impl Table {
 
     /// Whether a column holds words, which are set to the left.
     pub(crate) fn is_words(&self, column: usize) -> bool {
-        let mut body = self.rows.iter().skip(1).filter_map(|row| row.get(column)).peekable();
+        let cells = self.rows.iter().skip(1).filter_map(|row| row.get(column));
+        let mut body = cells.filter(|cell| !cell.is_empty()).peekable();
         body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
     }
 }
@@ -112,6 +113,8 @@ pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
         "Mray/s",
         "estimate",
         "of trace",
+        "by",
+        "±counts",
         "err counts",
         "err time",
         "makespan",
@@ -127,6 +130,8 @@ pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
             format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
             seconds(estimate.seconds),
             percent(estimate.overhead),
+            estimate.chosen.clone(),
+            percent(estimate.std_error),
             percent(estimate.mre_counts),
             percent(estimate.mre_time),
             seconds(report.makespan_s),
@@ -139,7 +144,8 @@ pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
 
 /// Sums over all streams for each device.
 pub(crate) fn device_table(runs: &[StreamRun]) -> Table {
-    let mut table = Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host"]);
+    let mut table =
+        Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host", "fit"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
     for index in 0..count {
@@ -156,6 +162,8 @@ pub(crate) fn device_table(runs: &[StreamRun]) -> Table {
             grouped(parts.iter().map(|part| u64::from(part.tasks)).sum()),
             grouped(parts.iter().map(|part| part.rays).sum()),
             grouped(parts.iter().filter_map(|part| part.on_host).sum()),
+            // What the last stream's prices leave unexplained.
+            percent(last.model.map(|model| model.residual)),
         ];
         if let Some(error) = &last.error {
             cells.push(format!("failed: {error}"));

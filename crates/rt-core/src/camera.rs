@@ -57,6 +57,12 @@ impl Camera {
         self.forward
     }
 
+    /// Half the image's width and height at distance 1 for a square image, as vectors to its right and upwards.
+    #[must_use]
+    pub const fn image_axes(&self) -> [Vec3; 2] {
+        [self.right, self.up]
+    }
+
     /// The ray through image position `(x, y)` in `[0, 1]²`, `(0, 0)` the upper left corner, of an image `aspect`
     /// times as wide as high.
     ///
@@ -133,11 +139,27 @@ impl CameraRays {
     pub fn ray(&self, index: u32) -> Ray {
         let pixel = self.pixels[(index / self.samples) as usize];
         let (x, y) = (pixel & 0xffff, pixel >> 16);
-        let [width, height] = self.size.map(|n| n as f32);
+        let Raster { pixel: [width, height], aspect } = self.raster();
         let [dx, dy] =
             if self.samples == 1 { [0.5, 0.5] } else { random::spread_pair(self.seed, pixel, 0, index % self.samples) };
-        self.camera.ray((x as f32 + dx) / width, (y as f32 + dy) / height, width / height)
+        self.camera.ray((x as f32 + dx) * width, (y as f32 + dy) * height, aspect)
     }
+
+    /// The factors from pixels to image positions.
+    #[must_use]
+    pub fn raster(&self) -> Raster {
+        let [width, height] = self.size.map(|n| n as f32);
+        Raster { pixel: [1.0 / width, 1.0 / height], aspect: width / height }
+    }
+}
+
+/// What turns pixels into image positions without a division: devices need not divide as IEEE 754 says, but multiply so.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Raster {
+    /// Width and height of a pixel, the image being 1 wide and 1 high.
+    pub pixel: [f32; 2],
+    /// Width of the image divided by its height.
+    pub aspect: f32,
 }
 
 #[cfg(test)]

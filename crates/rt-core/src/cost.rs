@@ -1,6 +1,6 @@
 //! What tracing costs: device-independent work, a device's own seconds, and the estimator's seam.
 
-use crate::{Task, TaskId, TestCounts, Walk};
+use crate::{RaySource, Task, TaskId, TestCounts, Walk};
 use alloc::vec::Vec;
 use core::fmt::{self, Debug};
 
@@ -13,6 +13,9 @@ pub struct Work {
     std_error: f32,
 }
 
+/// A standard error that is not known. A number, so that equal works are equal.
+const UNKNOWN: f32 = -1.0;
+
 impl Work {
     /// Work of `rays` rays that make `boxes` box tests and `triangles` triangle tests in total.
     ///
@@ -20,13 +23,14 @@ impl Work {
     #[must_use]
     pub fn new(rays: f32, boxes: f32, triangles: f32) -> Self {
         let clamp = |x: f32| if x > 0.0 { x.min(f32::MAX) } else { 0.0 };
-        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: f32::NAN }
+        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: UNKNOWN }
     }
 
-    /// The same work with the standard error of its number of tests (boxes + triangles), in tests.
+    /// The same work with the standard error of its number of tests (boxes + triangles), in tests. Anything but a number
+    /// ≥ 0 says that it is not known.
     #[must_use]
     pub const fn with_std_error(mut self, std_error: f32) -> Self {
-        self.std_error = std_error;
+        self.std_error = if std_error >= 0.0 { std_error } else { UNKNOWN };
         self
     }
 
@@ -54,7 +58,7 @@ impl Work {
         self.boxes + self.triangles
     }
 
-    /// Standard error of [`Work::tests`], in tests; `None` where too few samples were taken to know it.
+    /// Standard error of [`Work::tests`] against exact counts, in tests; `None` where too little is known to say it.
     #[must_use]
     pub fn std_error(&self) -> Option<f32> {
         (self.std_error >= 0.0).then_some(self.std_error)
@@ -180,6 +184,11 @@ pub struct RayStream<'a> {
     pub seed: u32,
     /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
     pub part: u32,
+    /// The rays themselves, for estimators that learn where in the scene rays are dear; `None` where the caller has
+    /// only their number.
+    pub source: Option<&'a RaySource>,
+    /// Number of devices that will trace the stream: what an exact estimate is worth depends on it.
+    pub devices: u32,
 }
 
 impl RayStream<'_> {
@@ -236,6 +245,32 @@ pub struct LaunchRecord<'a> {
     pub device: usize,
     /// The tasks of the launch.
     pub outcomes: &'a [TaskOutcome],
+    /// Whether each task's seconds were measured; otherwise only their sum was.
+    pub per_task: bool,
+}
+
+/// What a finished stream tells about the price of its estimate.
+#[derive(Clone, Copy, Debug)]
+pub struct StreamRecord<'a> {
+    /// The stream.
+    pub stream: RayStream<'a>,
+    /// Rays that were walked for the estimate.
+    pub walked_rays: u64,
+    /// Device seconds of those walks, over all devices.
+    pub walk_s: f64,
+    /// Rays traced in launches, those with kept hits left out.
+    pub traced_rays: u64,
+    /// Device seconds of those launches, over all devices.
+    pub trace_s: f64,
+}
+
+impl StreamRecord<'_> {
+    /// Seconds of a walked ray in seconds of a traced one, without a unit; `None` unless both were measured.
+    #[must_use]
+    pub fn walk_price(&self) -> Option<f64> {
+        let price = (self.walk_s / self.walked_rays as f64) / (self.trace_s / self.traced_rays as f64);
+        (price.is_finite() && price > 0.0).then_some(price)
+    }
 }
 
 /// Estimates the work of each task of a stream.
@@ -245,6 +280,12 @@ pub struct LaunchRecord<'a> {
 pub trait CostEstimator: Debug + Send {
     /// Short name for reports, such as `"exact"`.
     fn name(&self) -> &'static str;
+
+    /// Name of the estimator that made the last estimate: another than [`CostEstimator::name`] where one chooses among
+    /// several.
+    fn chosen(&self) -> &'static str {
+        self.name()
+    }
 
     /// Takes the answer to the previous step and says what is wanted next. The first call of a stream carries an
     /// empty observation; after [`Step::Done`] the next call begins another stream.
@@ -259,6 +300,11 @@ pub trait CostEstimator: Debug + Send {
     /// Learns from a finished launch. Called after the stream was traced; most estimators ignore it.
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         let _ = launch;
+    }
+
+    /// Learns what the estimate cost. Called once after the last [`CostEstimator::learn`] of a stream.
+    fn finish(&mut self, record: &StreamRecord<'_>) {
+        let _ = record;
     }
 }
 

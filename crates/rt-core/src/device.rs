@@ -27,7 +27,8 @@ pub trait Device: Send + Sync + Debug {
 /// One scene resident on one device.
 ///
 /// Launches run in the order in which they were submitted. After an error other than
-/// [`DeviceErrorKind::InvalidArgument`] the tracer is lost: the driver drops it and gives its tasks to others.
+/// [`DeviceErrorKind::InvalidArgument`], or [`DeviceErrorKind::Unsupported`] from a walk, the tracer is lost: the driver
+/// drops it and gives its tasks to others.
 pub trait Tracer: Send + Debug {
     /// Replaces the rays. Launches in flight must have been waited for.
     ///
@@ -40,7 +41,8 @@ pub trait Tracer: Send + Debug {
     /// `counts` has one entry for each of `rays`. So has `hits`, which [`Walk::Full`] fills if given.
     ///
     /// # Errors
-    /// When the lengths differ, an index is not a loaded ray's, or the device is lost.
+    /// When the lengths differ, an index is not a loaded ray's, or the device is lost;
+    /// [`DeviceErrorKind::Unsupported`], with the device as it was, when it has no such walk.
     fn walk(
         &mut self,
         rays: &[u32],

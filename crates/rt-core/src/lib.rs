@@ -25,8 +25,10 @@ mod ray;
 mod scene;
 mod task;
 
-pub use camera::{Camera, CameraError, CameraRays};
-pub use cost::{CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, TaskOutcome, Work};
+pub use camera::{Camera, CameraError, CameraRays, Raster};
+pub use cost::{
+    CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, TaskOutcome, Work,
+};
 pub use device::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
     Traffic,

@@ -1,6 +1,7 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
-use rt_bvh::offload::KernelRay;
+use crate::Work;
+use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::{DeviceError, TestCounts};
 use rt_shaders::Purpose;
 use std::fmt::Debug;
@@ -23,11 +24,25 @@ pub struct Answer<'a> {
 
 /// One scene on one graphics card, and a stream's rays beside it.
 ///
-/// Kernels run in the order in which they were started. At most [`crate::IN_FLIGHT`] + 1 are in flight: launches and a
-/// walk. Dropping a board with kernels in flight waits for them a while, or leaves behind what they use.
+/// Rays that exceed what a kernel can bind lie in windows: the first `window()` rays in window 0, and so on. A kernel reads
+/// one window, and a launch is one kernel for each window that it has rays in.
+///
+/// Kernels run in the order in which they were started. At most [`crate::IN_FLIGHT`] + 1 are in flight for each window:
+/// launches and a walk. Dropping a board with kernels in flight waits for them a while, or leaves behind what they use.
 pub trait Board: Send + Debug {
     /// The API's name in errors, such as `"Vulkan"`.
     fn api(&self) -> &'static str;
+
+    /// Rays in a window, at least one; all of them where nothing limits a buffer. Always the same.
+    fn window(&self) -> u32 {
+        u32::MAX
+    }
+
+    /// Lanes of kernels whose lanes take one ray after the other until none is left, as many as the device keeps busy;
+    /// `None`: a lane for each ray.
+    fn persistent_lanes(&self) -> Option<u32> {
+        None
+    }
 
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.
     ///
@@ -35,17 +50,29 @@ pub trait Board: Send + Debug {
     /// When they do not fit: [`rt_core::DeviceErrorKind::OutOfMemory`] with the bytes needed and available.
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError>;
 
-    /// Writes rays from number `first` on, within what was reserved. Nothing is in flight.
+    /// Writes rays from number `first` of the stream on, within what was reserved and all of one window. Nothing is in
+    /// flight.
     ///
     /// # Errors
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Starts the kernel for `purpose` over `items`, numbers of reserved rays; there is at least one.
+    /// Makes the first `camera.count` rays of a window by the kernel [`Purpose::Camera`], given the camera and its pixels;
+    /// `false` where the device does not make the bits that the host makes ([`crate::camera`] finds out). Nothing is in
+    /// flight.
+    ///
+    /// # Errors
+    /// When there is no memory for the pixels, or the device is lost.
+    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
+        let _ = (window, camera, pixels);
+        Ok(false)
+    }
+
+    /// Starts the kernel for `purpose` over rays of a window.
     ///
     /// # Errors
     /// When the kernel does not compile, its buffers do not fit, or the device is lost.
-    fn start(&mut self, purpose: Purpose, items: &[u32]) -> Result<Flight, DeviceError>;
+    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError>;
 
     /// Waits at most `limit` until a kernel is done, and shows `read` what it wrote.
     ///

@@ -55,10 +55,12 @@ impl<'a> SceneImage<'a> {
         Self { wide: bytemuck::cast_slice(tree.nodes()), ..Self::new(tree.scene()) }
     }
 
-    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one; empty if there is none.
+    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in errors, and its
+    /// bytes; none if there is none.
     #[must_use]
-    pub const fn wide(&self) -> (&'static str, &[u8]) {
-        ("the scene's wide tree, beside the two-wide one,", self.wide)
+    pub fn wide(&self) -> (String, &[u8]) {
+        let two = size_of_val(self.scene.nodes());
+        (format!("the scene's wide tree, beside the two-wide one of {two} bytes,"), self.wide)
     }
 
     /// What the buffer is called in errors, and its bytes: those of bindings 0 to 3 of `bindings.wgsl`.

@@ -1,15 +1,27 @@
 //! The host's side of the GPU backends: everything that does not depend on the API by which a card is reached.
 //!
 //! A backend implements [`Board`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
-//! [`rt_core::Tracer`] of it: it prepares rays, deals items to kernels, computes t, u and v of the hits that come back from
-//! ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between layouts, [`SceneImage`] is what a scene looks like to the
-//! kernels, [`arithmetic`] finds out whether a card rounds as they rely on.
+//! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
+//! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
+//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`] and [`camera`] find out whether a card
+//! computes as the host relies on.
+//!
+//! # What crosses the bus
+//!
+//! | | up | down |
+//! |---|---|---|
+//! | loading a ray of the host's | 64 bytes | |
+//! | loading a camera ray | 4 bytes a pixel | |
+//! | tracing a ray of a whole task | 8 bytes a task or less: neighbours are one range | 4 bytes, 12 with counts |
+//! | tracing a ray of a task with rays left out | 4 bytes at most | 4 bytes, 12 with counts; none for rays left out |
+//! | walking a ray | 4 bytes | 12 bytes: hit and counts |
 //!
 //! The host's share runs on rayon's threads.
 #![forbid(unsafe_code)]
 
 pub mod arithmetic;
 mod board;
+pub mod camera;
 mod card;
 mod image;
 mod pending;
@@ -18,6 +30,8 @@ mod scene;
 mod tally;
 mod tracer;
 mod trouble;
+mod tuning;
+mod work;
 
 pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
@@ -27,6 +41,8 @@ pub use scene::{GpuScene, Layouts, Trees};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
 pub use trouble::Trouble;
+pub use tuning::Tuning;
+pub use work::Work;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

@@ -1,6 +1,6 @@
 //! A launch in flight, and what becomes of a kernel's answer.
 
-use crate::{Answer, Flight, GpuScene};
+use crate::{Answer, Flight, GpuScene, Work};
 use rayon::prelude::*;
 use rt_bvh::Stack;
 use rt_bvh::offload::Offload;
@@ -12,22 +12,25 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(crate) struct Pending {
     pub ticket: Ticket,
-    /// `None` where there was nothing to trace.
-    pub flight: Option<Flight>,
-    /// The rays traced.
-    pub items: Vec<u32>,
-    /// For each item, its place among the launch's hits; empty where that is the item's own.
-    pub places: Vec<u32>,
+    /// None where there was nothing to trace.
+    pub parts: Vec<Part>,
     /// Number of the launch's hits.
     pub total: usize,
     pub start: Duration,
+}
+
+/// A kernel in flight, over rays of one window.
+#[derive(Debug)]
+pub(crate) struct Part {
+    pub flight: Flight,
+    pub work: Work,
 }
 
 /// What was asked of the rays of a kernel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum How {
     Trace(StreamSpec),
-    Reduced(ReducedWalk, Precision),
+    Reduced(ReducedWalk, Purpose),
 }
 
 impl How {
@@ -37,16 +40,16 @@ impl How {
             Self::Trace(StreamSpec { query: Query::Closest, counts: true, .. }) => Purpose::ClosestCounted,
             Self::Trace(StreamSpec { query: Query::Any, counts: false, .. }) => Purpose::Any,
             Self::Trace(StreamSpec { query: Query::Any, counts: true, .. }) => Purpose::AnyCounted,
-            Self::Reduced(ReducedWalk::LeafAsHit, _) => Purpose::LeafAsHit,
-            Self::Reduced(ReducedWalk::Unshortened, _) => Purpose::Unshortened,
+            Self::Reduced(_, purpose) => purpose,
         }
     }
 }
 
-/// What the kernel and the host found out of each item, in order.
+/// What the kernel and the host found out of a part.
 #[derive(Debug, Default)]
 pub(crate) struct Finished {
-    pub hits: Vec<(Hit, TestCounts)>,
+    /// For each item its hit, its counts, and its place among the answers.
+    pub hits: Vec<(Hit, TestCounts, u32)>,
     /// Items that the host traced.
     pub on_host: usize,
     pub in_kernel: Duration,
@@ -58,35 +61,35 @@ pub(crate) struct Finished {
 const CHUNK: usize = 512;
 
 /// Computes t, u and v of what was hit, and traces what is in doubt.
-pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, items: &[u32], answer: &Answer<'_>) -> Finished {
+pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, work: &Work, answer: &Answer<'_>) -> Finished {
     let offload = Offload::new(scene.given());
-    let one = |stack: &mut Stack, i: usize| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
-        let (item, slot) = (items[i], answer.found[i]);
-        let counts = answer.counts.get(i).copied().unwrap_or_default();
-        match slot {
+    let one = |stack: &mut Stack, item: usize, ray: u32| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
+        let counts = answer.counts.get(item).copied().unwrap_or_default();
+        match answer.found[item] {
             DOUBTFUL => {
-                let (hit, counts) = on_host(scene, stack, how, source.ray(item));
+                let (hit, counts) = on_host(scene, stack, how, source.ray(ray));
                 Ok((hit, counts, true))
             }
             MISS => Ok((Hit::MISS, counts, false)),
-            slot => match scene.finish(&offload, &source.ray(item).0, slot) {
+            slot => match scene.finish(&offload, &source.ray(ray).0, slot) {
                 Some(hit) => Ok((hit, counts, false)),
-                None => Err((item, slot)),
+                None => Err((ray, slot)),
             },
         }
     };
-    let mut hits = vec![(Hit::MISS, TestCounts::default()); items.len()];
+    let mut hits = vec![(Hit::MISS, TestCounts::default(), 0); work.items() as usize];
     let parts: Vec<(usize, Option<(u32, u32)>)> = hits
         .par_chunks_mut(CHUNK)
         .enumerate()
         .map_init(
             || Stack::for_scene(scene.given()),
-            |stack, (part, hits)| {
+            |stack, (chunk, hits)| {
                 let (mut on_host, mut wrong) = (0, None);
-                for (i, out) in hits.iter_mut().enumerate() {
-                    match one(stack, part * CHUNK + i) {
+                let first = chunk * CHUNK;
+                for (i, (out, (ray, place))) in hits.iter_mut().zip(work.from(first as u32)).enumerate() {
+                    match one(stack, first + i, ray) {
                         Ok((hit, counts, traced)) => {
-                            *out = (hit, counts);
+                            *out = (hit, counts, place);
                             on_host += usize::from(traced);
                         }
                         Err(item) => wrong = wrong.or(Some(item)),
@@ -107,6 +110,6 @@ pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, items: &[u3
 fn on_host(scene: &GpuScene, stack: &mut Stack, how: How, ray: (rt_core::Ray, u32)) -> (Hit, TestCounts) {
     match how {
         How::Trace(spec) => scene.trace(stack, spec, ray),
-        How::Reduced(kind, precision) => (Hit::MISS, scene.count(stack, Walk::Reduced(kind), precision, ray)),
+        How::Reduced(kind, _) => (Hit::MISS, scene.count(stack, Walk::Reduced(kind), Precision::default(), ray)),
     }
 }

@@ -7,7 +7,7 @@ use rt_core::{Hit, MAX_DEPTH, Precision, Ray, Scene, StreamSpec, TestCounts, Wal
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 
-/// Which layout is walked for what.
+/// Which layout is walked for what. By default the two-wide one for all, so that a device holds one tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Layouts {
     /// Where only hits are wanted.
@@ -18,29 +18,23 @@ pub struct Layouts {
 }
 
 impl Layouts {
-    /// What is used unless something else is asked for: hits by the layout that is faster on such devices, counts by the
-    /// two-wide one.
+    /// What is used unless something else is asked for: hits over the wide layout, counts over the two-wide one.
     ///
-    /// Measured on processors posing as graphics cards. On graphics cards it was not measured here; Ylitie, Karras and Laine
-    /// (2017) report the wide layout to be 1.9 to 2.1 times as fast for incoherent rays, and it needs a third of the memory.
-    #[must_use]
-    pub const fn usual(software: bool) -> Self {
-        Self { trace: if software { SOFTWARE } else { Layout::Wide }, count: Layout::Two }
-    }
+    /// On processors posing as graphics cards the wide layout was measured to be the faster one (docs/results/layouts.md). On
+    /// graphics cards it was not measured: there the choice rests on Ylitie, Karras and Laine (2017), who report 1.9 to 2.1
+    /// times the speed of earlier kernels for incoherent rays, and on its nodes taking a third of the memory.
+    pub const USUAL: Self = Self { trace: Layout::Wide, count: Layout::Two };
 
     /// The layout of kernels for a purpose.
     #[must_use]
     pub const fn of(self, purpose: Purpose) -> Layout {
         match purpose {
-            Purpose::Arithmetic => Layout::Two,
+            Purpose::Arithmetic | Purpose::Camera => Layout::Two,
             purpose if purpose.counts() => self.count,
             _ => self.trace,
         }
     }
 }
-
-/// The faster layout on processors posing as graphics cards: see docs/results/layouts.md.
-const SOFTWARE: Layout = Layout::Wide;
 
 /// The trees that a device holds of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,5 +144,57 @@ impl GpuScene {
             None => rt_bvh::count(&self.given, stack, walk, precision, std::iter::once(ray), sink),
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_bvh::{BuildOptions, Mesh, build};
+    use rt_core::random;
+
+    const COUNT: u32 = 500;
+
+    fn scene() -> Arc<Scene> {
+        let vertex = |i: u32| {
+            let [at, corner] = [[5, i / 3, 0], [5, i, 1]].map(|seed| random::pcg3d(seed).map(random::unit));
+            std::array::from_fn(|axis| at[axis] + 0.2 * corner[axis]).into()
+        };
+        let positions: Vec<_> = (0..3 * COUNT).map(vertex).collect();
+        let indices: Vec<_> = (0..COUNT).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let mesh = Mesh { positions: &positions, indices: &indices };
+        Arc::new(build(mesh, &BuildOptions::default()).expect("valid").scene)
+    }
+
+    #[test]
+    fn hits_go_to_the_wide_tree_and_counts_to_the_two_wide_one() {
+        let scene = GpuScene::new(scene(), Layouts::USUAL);
+        let (trees, two) = (scene.trees(), scene.given().depth());
+        assert_eq!(trees.of(Purpose::Closest).0, Layout::Wide);
+        assert!(trees.of(Purpose::Any).1 < two && trees.of(Purpose::Any).1 > 0);
+        for purpose in [Purpose::ClosestCounted, Purpose::AnyCounted, Purpose::LeafAsHit, Purpose::Unshortened] {
+            assert_eq!(trees.of(purpose), (Layout::Two, two));
+        }
+        let image = scene.image();
+        let (what, wide) = image.wide();
+        let bytes = size_of_val(scene.given().nodes());
+        assert!(what.contains(&bytes.to_string()) && !wide.is_empty() && wide.len() < bytes);
+    }
+
+    // Fails when the device's slots are taken for the scene's.
+    #[test]
+    fn slots_are_turned_back() {
+        let given = scene();
+        let triangle = |image: &SceneImage<'_>, slot: usize| image.buffers()[1].1[36 * slot..][..36].to_vec();
+        let scene = GpuScene::new(Arc::clone(&given), Layouts::USUAL);
+        let on_device: Vec<_> = (0..COUNT as usize).map(|slot| triangle(&scene.image(), slot)).collect();
+        let scene = scene.settled();
+        assert!(scene.wide.is_none() && scene.slots.len() == on_device.len());
+        for (slot, bytes) in on_device.iter().enumerate() {
+            assert_eq!(*bytes, triangle(&SceneImage::new(&given), scene.slots[slot] as usize));
+        }
+        assert!(scene.slots.windows(2).any(|pair| pair[0] > pair[1]), "the order is another one");
+        let alone = GpuScene::from(given).settled();
+        assert!(alone.wide.is_none() && alone.slots.is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! How many rays a device traced, and how many of them the host.
+//! How many rays a device traced, how many of them the host, and how many it made.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Tally {
     rays: AtomicU64,
     on_host: AtomicU64,
+    made: AtomicU64,
 }
 
 impl Tally {
@@ -20,6 +21,16 @@ impl Tally {
     #[must_use]
     pub fn on_host(&self) -> u64 {
         self.on_host.load(Ordering::Relaxed)
+    }
+
+    /// Camera rays that the device made itself, of all streams that were loaded.
+    #[must_use]
+    pub fn made(&self) -> u64 {
+        self.made.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn add_made(&self, rays: u32) {
+        self.made.fetch_add(rays.into(), Ordering::Relaxed);
     }
 
     pub(crate) fn add(&self, rays: usize, on_host: usize) {

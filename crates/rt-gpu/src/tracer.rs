@@ -1,12 +1,14 @@
 //! One scene on one graphics card, as the driver sees it.
 
-use crate::pending::{Finished, How, Pending, finish};
-use crate::{Board, Flight, GpuScene, IN_FLIGHT, Tally, rays};
+use crate::pending::{Finished, How, Part, Pending, finish};
+use crate::work::Sorter;
+use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Span, StreamSpec, Task, TestCounts, Ticket,
-    Tracer, Traffic, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
+    TestCounts, Ticket, Tracer, Traffic, Walk,
 };
+use rt_shaders::Purpose;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -51,58 +53,62 @@ impl<B: Board> GpuTracer<B> {
         self.pending.len() + self.finished.len()
     }
 
-    /// Starts a kernel over `items`; `None` if there are none.
-    fn start(&mut self, how: How, items: &[u32]) -> Result<Option<Flight>, DeviceError> {
-        if items.is_empty() {
-            return Ok(None);
+    /// Starts a kernel for each window that `rays` has rays of.
+    fn start(&mut self, how: How, rays: Sorter) -> Result<Vec<Part>, DeviceError> {
+        let mut parts = Vec::new();
+        for (window, work) in rays.finish(self.board.persistent_lanes()) {
+            self.traffic.uploaded += size_of_val(work.words()) as u64;
+            parts.push(Part { flight: self.board.start(how.purpose(), window, &work)?, work });
         }
-        self.traffic.uploaded += size_of_val(items) as u64;
-        self.board.start(how.purpose(), items).map(Some)
+        Ok(parts)
     }
 
-    /// Waits for a kernel, and finishes its items on the host.
+    /// Waits for kernels, finishes their items on the host, shows each one's place and answer, and returns the time in
+    /// kernels.
     fn finish(
         &mut self,
-        flight: Option<Flight>,
-        items: &[u32],
+        parts: &[Part],
         limit: Duration,
         how: How,
-    ) -> Result<Finished, DeviceError> {
-        let Some(flight) = flight else {
-            return Ok(Finished::default());
-        };
-        let mut finished = Finished::default();
-        let Self { board, scene, source, traffic, .. } = self;
-        board.wait(flight, limit, &mut |answer| {
-            traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
-            finished = finish(scene, source, how, items, &answer);
-        })?;
-        if let Some((ray, slot)) = finished.wrong {
-            let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
-            return Err(DeviceError::new(DeviceErrorKind::Lost, what));
+        mut show: impl FnMut(usize, Hit, TestCounts),
+    ) -> Result<Duration, DeviceError> {
+        let begin = Instant::now();
+        let mut in_kernel = Duration::ZERO;
+        for Part { flight, work } in parts {
+            let mut finished = Finished::default();
+            let Self { board, scene, source, traffic, .. } = self;
+            let left = limit.saturating_sub(begin.elapsed());
+            board.wait(*flight, left, &mut |answer| {
+                traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
+                finished = finish(scene, source, how, work, &answer);
+            })?;
+            if let Some((ray, slot)) = finished.wrong {
+                let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
+                return Err(DeviceError::new(DeviceErrorKind::Lost, what));
+            }
+            self.tally.add(finished.hits.len(), finished.on_host);
+            self.traffic.on_host += finished.on_host as u64;
+            in_kernel += finished.in_kernel;
+            finished.hits.into_iter().for_each(|(hit, counts, place)| show(place as usize, hit, counts));
         }
-        self.tally.add(items.len(), finished.on_host);
-        self.traffic.on_host += finished.on_host as u64;
-        Ok(finished)
+        Ok(in_kernel)
     }
 
     /// Brings the oldest launch's results to the host.
     fn collect(&mut self, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
-        let Some(Pending { flight, items, places, total, start, .. }) = self.pending.pop_front() else {
+        let Some(Pending { parts, total, start, .. }) = self.pending.pop_front() else {
             return Err(invalid("wait: no launch is in flight"));
         };
         out.clear();
-        let finished = self.finish(flight, &items, limit, How::Trace(self.spec))?;
         out.hits.resize(total, Hit::MISS);
         out.counts.resize(if self.spec.counts { total } else { 0 }, TestCounts::default());
-        for (i, &(hit, counts)) in finished.hits.iter().enumerate() {
-            let place = places.get(i).map_or(i, |&place| place as usize);
+        let in_kernel = self.finish(&parts, limit, How::Trace(self.spec), |place, hit, counts| {
             out.hits[place] = hit;
             if let Some(slot) = out.counts.get_mut(place) {
                 *slot = counts;
             }
-        }
-        out.span = self.span(start, finished.in_kernel);
+        })?;
+        out.span = self.span(start, in_kernel);
         Ok(())
     }
 
@@ -116,11 +122,25 @@ fn no_rays() -> RaySource {
     RaySource::Explicit { rays: Arc::new([]), origins: None }
 }
 
+/// The kernel of a reduced walk.
+fn purpose_of(walk: ReducedWalk) -> Result<Purpose, DeviceError> {
+    match walk {
+        ReducedWalk::LeafAsHit => Ok(Purpose::LeafAsHit),
+        ReducedWalk::Unshortened => Ok(Purpose::Unshortened),
+        ReducedWalk::LeafPlane | ReducedWalk::Truncated => Err(DeviceError::new(
+            DeviceErrorKind::Unsupported,
+            "GPUs have no kernel for this reduced walk: choose leaf-as-hit or unshortened, or add a CPU device",
+        )),
+    }
+}
+
 impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        self.traffic.uploaded += rays::send(&mut self.board, self.scene.given(), &source)?;
+        let sent = rays::send(&mut self.board, self.scene.given(), &source)?;
+        self.traffic.uploaded += sent.bytes;
+        self.tally.add_made(sent.made);
         (self.source, self.spec) = (source, spec);
         Ok(())
     }
@@ -136,41 +156,32 @@ impl<B: Board> Tracer for GpuTracer<B> {
         let how = match walk {
             // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
             Walk::Full => How::Trace(StreamSpec { counts: true, ..self.spec }),
-            Walk::Reduced(kind) => How::Reduced(kind, self.spec.precision),
+            Walk::Reduced(kind) => How::Reduced(kind, purpose_of(kind)?),
         };
         let start = (self.clock)();
-        let flight = self.start(how, rays)?;
-        let finished = self.finish(flight, rays, WALK_LIMIT, how)?;
-        for (out, (_, found)) in counts.iter_mut().zip(&finished.hits) {
-            *out = *found;
-        }
-        for (out, (found, _)) in hits.unwrap_or_default().iter_mut().zip(&finished.hits) {
-            *out = *found;
-        }
-        Ok(self.span(start, finished.in_kernel))
+        let mut sorter = Sorter::new(self.board.window());
+        sorter.rays(rays);
+        let parts = self.start(how, sorter)?;
+        let hits = hits.unwrap_or_default();
+        let in_kernel = self.finish(&parts, WALK_LIMIT, how, |place, hit, found| {
+            counts[place] = found;
+            if let Some(out) = hits.get_mut(place) {
+                *out = hit;
+            }
+        })?;
+        Ok(self.span(start, in_kernel))
     }
 
     fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
         check_submit(tasks, self.source.len(), self.open(), IN_FLIGHT)?;
         let start = (self.clock)();
         let total: usize = tasks.iter().map(|task| task.rays as usize).sum();
-        let all = tasks.iter().flat_map(Task::range);
-        let (mut items, mut places) = (Vec::with_capacity(total), Vec::new());
-        match done {
-            None => items.extend(all),
-            Some(mask) => {
-                for (place, ray) in (0..).zip(all) {
-                    if !mask.contains(ray) {
-                        items.push(ray);
-                        places.push(place);
-                    }
-                }
-            }
-        }
-        let flight = self.start(How::Trace(self.spec), &items)?;
+        let mut sorter = Sorter::new(self.board.window());
+        sorter.tasks(tasks, done.map(|mask| &**mask));
+        let parts = self.start(How::Trace(self.spec), sorter)?;
         let ticket = Ticket(self.next_ticket);
         self.next_ticket += 1;
-        self.pending.push_back(Pending { ticket, flight, items, places, total, start });
+        self.pending.push_back(Pending { ticket, parts, total, start });
         Ok(ticket)
     }
 

@@ -1,6 +1,7 @@
 //! From measured launches to a device's cost model.
 
-use rt_core::CostModel;
+use alloc::vec::Vec;
+use rt_core::{CostModel, Work};
 
 /// Learns one device's seconds per launch, ray, box test and triangle test from measured launches.
 ///
@@ -34,6 +35,15 @@ pub struct Measured {
     pub triangles: f64,
     /// Seconds.
     pub seconds: f64,
+}
+
+impl Measured {
+    /// Estimated work that took `seconds`, the launch left out.
+    #[must_use]
+    pub fn of(work: &Work, seconds: f64) -> Self {
+        let [rays, boxes, triangles] = [work.rays(), work.boxes(), work.triangles()].map(f64::from);
+        Self { launches: 0.0, rays, boxes, triangles, seconds }
+    }
 }
 
 /// A fitted cost model.
@@ -207,6 +217,25 @@ impl Calibration {
     }
 }
 
+/// Seconds of each task as predicted by prices that were fitted on other tasks: even ones predict odd ones and the
+/// other way round. NaN where too little was measured.
+///
+/// `seconds` are the tasks' own, without the launch, one for each entry of `work`; entries that are not positive numbers
+/// teach nothing.
+#[must_use]
+pub fn cross_predicted(work: &[Work], seconds: &[f64]) -> Vec<f64> {
+    let fits = [0, 1].map(|parity| {
+        let mut calibration = Calibration::new(f64::INFINITY);
+        for (work, &seconds) in work.iter().zip(seconds).skip(parity).step_by(2) {
+            calibration.observe(Measured::of(work, seconds));
+        }
+        calibration.fit()
+    });
+    let predict =
+        |(task, work): (usize, &Work)| fits[1 - task % 2].as_ref().map_or(f64::NAN, |fit| fit.model.seconds(work));
+    work.iter().enumerate().map(predict).collect()
+}
+
 fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
@@ -247,6 +276,22 @@ mod tests {
         }
         assert_eq!(prices, 4);
         assert!(relative_error < 1e-4, "{relative_error}");
+    }
+
+    /// Mutants: tasks that predict themselves; a task predicted by the price of the wrong half.
+    #[test]
+    fn predictions_come_from_other_tasks() {
+        let work: Vec<Work> = (0..40).map(|i| Work::new(100.0, 1_000.0 + 37.0 * (i * i % 11) as f32, 50.0)).collect();
+        // Odd tasks run at half the speed: each half is predicted at the other's.
+        let is_even = |i: usize| i.is_multiple_of(2);
+        let price = |i: usize| if is_even(i) { 1e-9 } else { 2e-9 };
+        let seconds: Vec<f64> = work.iter().enumerate().map(|(i, w)| price(i) * f64::from(w.tests())).collect();
+        for (i, (predicted, own)) in cross_predicted(&work, &seconds).iter().zip(&seconds).enumerate() {
+            let ratio = if is_even(i) { 2.0 } else { 0.5 };
+            assert!((predicted / own / ratio - 1.0).abs() < 0.05, "{i}: {predicted} {own}");
+        }
+        assert!(cross_predicted(&work, &[f64::NAN; 40]).iter().all(|p| p.is_nan()));
+        assert!(cross_predicted(&[], &[]).is_empty());
     }
 
     #[test]

@@ -13,13 +13,17 @@ use std::{env, fs};
 const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
 /// The other parts of every kernel that traces, in order; after them comes the loop over its layout.
-const PARTS: &[&str] = &["bindings.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
+const PARTS: &[&str] =
+    &["bindings.wgsl", "ray.wgsl", "work.wgsl", "launch.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
 
 /// The layouts of trees: name in Rust, the loop, and sizes of the traversal stack.
 ///
 /// Two-wide trees of real scenes need some 30 to 50 entries, wide ones 8 to 20; 128 is the most a scene may need.
 const TREES: &[(&str, &str, &[u32])] =
     &[("Two", "traverse.wgsl", &[32, 64, 128]), ("Wide", "wide.wgsl", &[16, 32, 128])];
+
+/// The other parts of the kernel that makes camera rays.
+const CAMERA: &[&str] = &["ray.wgsl", "double_float.wgsl", "camera.wgsl"];
 
 /// The other parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
@@ -36,13 +40,13 @@ const PURPOSES: &[(&str, Flags)] = &[
 
 /// Kernels that do wrong on purpose: name in Rust, and the parts.
 const FAULTY: &[(&str, &[&str])] = &[
-    ("Poisoned", &["bindings.wgsl", "faulty/poisoned.wgsl"]),
-    ("Slow", &["bindings.wgsl", "faulty/slow.wgsl"]),
-    ("TooWide", &["bindings.wgsl", "faulty/too_wide.wgsl"]),
+    ("Poisoned", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/poisoned.wgsl"]),
+    ("Slow", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/slow.wgsl"]),
+    ("TooWide", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/too_wide.wgsl"]),
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "Frame", "Work"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "Frame", "Work", "Camera"];
 
 struct Flags {
     any: bool,
@@ -67,6 +71,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
+    modules.push(add(&mut kernels, &target, ["Two", "Camera"], 0, &joined(CAMERA)?)?);
     add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
     for (purpose, parts) in FAULTY {
         // They trace nothing, so that one will do for trees of any layout and depth.

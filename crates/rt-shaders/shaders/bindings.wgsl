@@ -1,20 +1,9 @@
-// What a launch reads and writes, but for the tree at binding 0, which each layout has its own. The layouts are those of `rt_core::Node`, `rt_core::Triangle`,
-// `rt_bvh::offload::KernelRay` and `rt_core::TestCounts`; a test compares the offsets.
+// What a launch reads and writes, but for the tree at binding 0, of which each layout has its own, and the work at binding 5.
+// The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test compares the offsets.
 
 struct Triangle {
     // Three vertices. Not vectors: those would be padded to 16 bytes.
     vertices: array<f32, 9>,
-}
-
-struct Ray {
-    origin: vec3<f32>,
-    tmin: f32,
-    reciprocal: vec3<f32>,
-    tmax: f32,
-    shear: vec4<f32>,
-    depth: vec2<f32>,
-    excluded: u32,
-    kind: u32,
 }
 
 struct Frame {
@@ -30,17 +19,10 @@ struct Frame {
 const ROOT_WHOLE: u32 = 2u;
 const ROOT_EMPTY: u32 = 3u;
 
-struct Work {
-    count: u32,
-    // Indices of the rays to be traced.
-    rays: array<u32>,
-}
-
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
 @group(0) @binding(3) var<storage, read> frame: Frame;
 @group(0) @binding(4) var<storage, read> rays: array<Ray>;
-@group(0) @binding(5) var<storage, read> work: Work;
 // For each item of work: the slot of the triangle that was hit, MISS, or DOUBTFUL.
 @group(0) @binding(6) var<storage, read_write> found: array<u32>;
 // For each item of work: box tests and triangle tests.
@@ -49,8 +31,3 @@ struct Work {
 const MISS: u32 = 0xffffffffu;
 // The host must decide this ray.
 const DOUBTFUL: u32 = 0xfffffffeu;
-
-// Bits of Ray::kind: the dominant axis, that the ray misses, that only the host may trace it.
-const KIND_AXIS: u32 = 3u;
-const KIND_MISS: u32 = 4u;
-const KIND_HOST: u32 = 8u;

@@ -15,21 +15,9 @@ struct Node {
 
 @group(0) @binding(0) var<storage, read> nodes: array<Node>;
 
-// Rays in a workgroup: two waves of the widest hardware, and eight of the narrowest.
-const GROUP: u32 = 64u;
-
-@compute @workgroup_size(GROUP)
-fn trace(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let item = (group.y * groups.x + group.x) * GROUP + lane;
-    if item >= work.count {
-        return;
-    }
-    hide(frame.zero);
-    let ray = rays[work.rays[item]];
+// Finds out what is asked of item `item`.
+fn solve(item: u32) {
+    let ray = rays[ray_of(item)];
     if (ray.kind & (KIND_MISS | KIND_HOST)) != 0u {
         found[item] = select(DOUBTFUL, MISS, (ray.kind & KIND_MISS) != 0u);
         if COUNT {

@@ -54,6 +54,8 @@ pub enum Purpose {
     LeafAsHit,
     /// Counts of the reduced traversal that never shortens the ray.
     Unshortened,
+    /// No traversal, but a stream's camera rays.
+    Camera,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
     /// Wrong on purpose, for tests: every ray misses.
@@ -69,6 +71,12 @@ impl Purpose {
     #[must_use]
     pub const fn counts(self) -> bool {
         matches!(self, Self::ClosestCounted | Self::AnyCounted | Self::LeafAsHit | Self::Unshortened)
+    }
+
+    /// Whether the kernel traces, or does so wrongly on purpose.
+    #[must_use]
+    pub const fn traces(self) -> bool {
+        !matches!(self, Self::Camera | Self::Arithmetic)
     }
 
     /// Whether the kernel does wrong on purpose.
@@ -95,7 +103,8 @@ pub struct Kernel {
     pub bindings: &'static [Binding],
     code: &'static [u8],
     /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
-    /// the compiler behind a zero that only the host knows, `Frame::zero` or the first pair of [`Purpose::Arithmetic`].
+    /// the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero` or the first pair of
+    /// [`Purpose::Arithmetic`].
     pub wgsl: &'static str,
 }
 
@@ -147,7 +156,7 @@ mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
     use rt_bvh::WideNode;
-    use rt_bvh::offload::KernelRay;
+    use rt_bvh::offload::{KernelCamera, KernelRay};
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
     fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
@@ -176,7 +185,24 @@ mod tests {
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
         assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
-        assert_eq!(layout("Work").0, &[("count", 0), ("rays", 4)]);
+        assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
+        let camera = [
+            ("origin", offset_of!(KernelCamera, origin)),
+            ("samples", offset_of!(KernelCamera, samples)),
+            ("forward", offset_of!(KernelCamera, forward)),
+            ("seed", offset_of!(KernelCamera, seed)),
+            ("right", offset_of!(KernelCamera, right)),
+            ("first", offset_of!(KernelCamera, first)),
+            ("up", offset_of!(KernelCamera, up)),
+            ("count", offset_of!(KernelCamera, count)),
+            ("pixel", offset_of!(KernelCamera, pixel)),
+            ("aspect", offset_of!(KernelCamera, aspect)),
+            ("tmax", offset_of!(KernelCamera, tmax)),
+            ("exponents", offset_of!(KernelCamera, exponents)),
+            ("zero", offset_of!(KernelCamera, zero)),
+        ]
+        .map(|(name, offset)| (name, offset as u32));
+        assert_eq!(layout("Camera"), (&camera[..], size_of::<KernelCamera>()));
         // vec2<u32>.
         assert_eq!((offset_of!(TestCounts, boxes), offset_of!(TestCounts, triangles)), (0, 4));
         assert_eq!(size_of::<TestCounts>(), 8);
@@ -206,13 +232,13 @@ mod tests {
             if kernel.purpose != Purpose::TooWide {
                 assert_eq!(kernel.workgroup, [64, 1, 1]);
             }
-            if kernel.purpose == Purpose::Arithmetic {
-                assert_eq!(
-                    kernel.bindings.iter().map(|b| (b.binding, b.written)).collect::<Vec<_>>(),
-                    [(4, false), (6, true)]
-                );
-            } else {
-                assert_eq!(kernel.bindings, all);
+            let bindings: Vec<_> = kernel.bindings.iter().map(|b| (b.binding, b.written)).collect();
+            match kernel.purpose {
+                Purpose::Arithmetic => assert_eq!(bindings, [(4, false), (6, true)]),
+                Purpose::Camera => assert_eq!(bindings, [(4, false), (5, false), (6, true)]),
+                // They visit no node.
+                purpose if purpose.is_faulty() => assert_eq!(kernel.bindings, &all[1..]),
+                _ => assert_eq!(kernel.bindings, all),
             }
         }
     }

@@ -76,6 +76,6 @@ impl From<Promise> for u8 {
 
 impl fmt::Display for Promise {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}", self.number())
+        f.pad(&self.number().to_string())
     }
 }

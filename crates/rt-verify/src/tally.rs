@@ -31,6 +31,11 @@ impl Tally {
         }
     }
 
+    /// Counts `trials` that held.
+    pub(crate) fn held(&mut self, trials: u64) {
+        self.trials += trials;
+    }
+
     /// Counts `trials` that a device did not answer: failures, unless it said that it cannot do such things at all.
     pub(crate) fn refuse(&mut self, refusal: &Refusal, trials: usize) {
         match refusal {

@@ -82,7 +82,7 @@ fn contracted(kernel: &'static Kernel, hidden: bool, pattern: Pattern) -> Vec<u3
 
 fn contracted_always(kernel: &'static Kernel, hidden: bool, pattern: Pattern) -> Vec<u32> {
     let plain = if hidden { compiled(kernel.wgsl) } else { kernel.spirv() };
-    let name = format!("{:?}-{}-{hidden}-{pattern:?}", kernel.purpose, kernel.stack);
+    let name = format!("{:?}-{:?}-{}-{hidden}-{pattern:?}", kernel.layout, kernel.purpose, kernel.stack);
     let flat = flattened(&plain, &name).expect("spirv-opt takes what naga makes");
     let (words, count) = fused(&flat, pattern);
     // Filters and bounds are fused in kernels for wgpu too: they may be.

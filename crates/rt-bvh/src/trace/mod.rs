@@ -13,12 +13,14 @@
 //! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
 
 pub mod offload;
+mod reduced;
 mod slabs;
 mod triangle;
 mod visitor;
 mod walk;
 mod wide;
 
+pub use reduced::ReducedTree;
 pub use walk::Stack;
 
 use crate::wide::WideTree;
@@ -54,7 +56,8 @@ where
 ///
 /// A visited node costs two box tests, one where a child is absent; a leaf costs as many triangle tests as it holds
 /// triangles. [`Walk::Full`] finds the nearest hit as well: its counts and hits are those of [`trace`]. Reduced walks
-/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them.
+/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them. Those that need a
+/// [`ReducedTree`] make one for this call: who walks more than once keeps one and uses [`ReducedTree::count`].
 pub fn count<R, S>(scene: &Scene, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -64,7 +67,8 @@ where
 }
 
 /// [`count`] over the wide layout: a visited node costs eight box tests, whatever is in its slots. Where leaves are taken for
-/// hits, those of one node are entered at once, and the nearest one cuts the ray.
+/// hits, those of one node are entered at once, and the nearest one cuts the ray. [`ReducedWalk::LeafPlane`] and
+/// [`ReducedWalk::Truncated`] walk the two-wide tree.
 pub fn count_wide<R, S>(tree: &WideTree, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -75,18 +79,25 @@ where
 
 /// A tree that visitors can be sent through.
 trait Layout {
+    /// What it holds, with its two-wide tree.
+    fn scene(&self) -> &Scene;
+
     /// Walks every ray with a visitor of its own.
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: Visitor<'a, Data = Scene>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts);
 }
 
 impl Layout for Scene {
+    fn scene(&self) -> &Scene {
+        self
+    }
+
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: Visitor<'a, Data = Scene>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -95,9 +106,13 @@ impl Layout for Scene {
 }
 
 impl Layout for WideTree {
+    fn scene(&self) -> &Scene {
+        self.scene()
+    }
+
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: Visitor<'a, Data = Scene>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -130,6 +145,12 @@ where
         }
         Walk::Reduced(ReducedWalk::LeafAsHit) => layout.each::<Reduced<true>, R, S>(stack, rays, sink),
         Walk::Reduced(ReducedWalk::Unshortened) => layout.each::<Reduced<false>, R, S>(stack, rays, sink),
+        Walk::Reduced(ReducedWalk::LeafPlane) => {
+            ReducedTree::with_planes(layout.scene()).count(layout.scene(), stack, rays, sink);
+        }
+        Walk::Reduced(ReducedWalk::Truncated) => {
+            ReducedTree::truncated(layout.scene()).count(layout.scene(), stack, rays, sink);
+        }
     }
 }
 

@@ -3,6 +3,10 @@
 //! Such a kernel tests the same boxes as [`crate::trace()`], bit for bit, since divisions and scalings are made here, on
 //! the host. It decides which triangle is hit; t, u and v are recomputed here from ray and triangle.
 
+mod camera;
+
+pub use camera::KernelCamera;
+
 use super::slabs::Frame;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
@@ -91,8 +95,6 @@ impl<'a> Offload<'a> {
             return KernelRay::of_kind(KernelRay::MISS);
         };
         let reach = f64::from(local.reach);
-        // Exact: both are powers of two or have one as the lower end of their binade.
-        let exponent_of = |x: f64| (x.to_bits() >> 52) as i32 - 1023;
         let scale = exponent_of(local.t_scale);
         let range = [ray.tmin, ray.tmax].map(|t| exactly_scaled(t, local.t_unscale));
         let ([Some(tmin), Some(tmax)], true, true) = (
@@ -103,15 +105,14 @@ impl<'a> Offload<'a> {
             return KernelRay::of_kind(KernelRay::HOST);
         };
         let [x, y, z] = shear_axes(ray.direction);
-        let given = ray.direction.as_dvec3();
-        let [shear_x, shear_y] = [x, y].map(|axis| in_two(given[axis] / given[z]));
+        let [shear_x, shear_y] = [x, y].map(|axis| in_two(ray.direction[axis], ray.direction[z]));
         KernelRay {
             origin: local.origin,
             tmin,
             reciprocal: local.slabs.reciprocal(),
             tmax,
             shear: [shear_x[0], shear_x[1], shear_y[0], shear_y[1]],
-            depth: in_two(1.0 / f64::from(local.direction[z])),
+            depth: in_two(1.0, local.direction[z]),
             excluded,
             kind: z as u32,
         }
@@ -128,6 +129,11 @@ impl<'a> Offload<'a> {
     }
 }
 
+/// The `e` with 2^e ≤ x < 2^(e + 1), for a positive `x` that is not denormal.
+const fn exponent_of(x: f64) -> i32 {
+    (x.to_bits() >> 52) as i32 - 1023
+}
+
 /// `t · factor`, a power of two, if that is exact or beyond every distance; overflow gives the largest number.
 fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
     let scaled = f64::from(t) * factor;
@@ -135,10 +141,18 @@ fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
     (t == 0.0 || scaled.abs() >= f64::from(f32::MIN_POSITIVE)).then(|| scaled.clamp(-largest, largest) as f32)
 }
 
-/// The sum of two single-precision numbers that is nearest to `x`.
-fn in_two(x: f64) -> [f32; 2] {
-    let nearest = x as f32;
-    [nearest, (x - f64::from(nearest)) as f32]
+/// `a / b` as the sum of two single-precision numbers: the quotient rounded, and the quotient of what it left over, rounded.
+/// Off by at most half a unit in the second one's last place, 2⁻⁴⁹ of the quotient, and so defined that devices without
+/// double precision can make the same bits.
+///
+/// Double precision has more than twice as many bits as single, and two more: so quotients that are rounded twice are
+/// rounded right (S. A. Figueroa, *When is Double Rounding Innocuous?*, 1995). The rest is exact, and its own bits fit
+/// single precision.
+fn in_two(a: f32, b: f32) -> [f32; 2] {
+    let [a, b] = [a, b].map(f64::from);
+    let quotient = (a / b) as f32;
+    // Adding zero turns −0 into +0.
+    [quotient, ((a - b * f64::from(quotient)) / b) as f32 + 0.0]
 }
 
 #[cfg(test)]

@@ -18,7 +18,16 @@ pub(super) struct Nearest<'a, T, const ANY: bool, const COUNT: bool> {
     counts: TestCounts,
 }
 
+impl<T, const ANY: bool, const COUNT: bool> Nearest<'_, T, ANY, COUNT> {
+    /// The tests so far.
+    pub(super) const fn counts(&self) -> TestCounts {
+        self.counts
+    }
+}
+
 impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Nearest<'a, T, ANY, COUNT> {
+    type Data = Scene;
+
     #[inline]
     fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
         let (test, limit) = (T::new(&ray), ray.local_distance(ray.given.tmax));
@@ -86,6 +95,8 @@ pub(super) struct Reduced<const CUT: bool> {
 }
 
 impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
+    type Data = Scene;
+
     #[inline]
     fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
         Self { limit: ray.local_distance(ray.given.tmax), ray, counts: TestCounts::default() }

@@ -9,8 +9,11 @@ use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 
 /// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
 pub(super) trait Visitor<'a>: Sized {
+    /// What it reads in leaves.
+    type Data: ?Sized;
+
     /// Begins a ray that must not hit the primitive `excluded`.
-    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
+    fn begin(data: &'a Self::Data, ray: LocalRay, excluded: u32) -> Self;
 
     /// The ray.
     fn ray(&self) -> &LocalRay;
@@ -32,17 +35,17 @@ pub(super) trait Visitor<'a>: Sized {
 /// Scratch memory of a traversal: children passed by that may have to be visited later.
 #[derive(Clone, Debug, Default)]
 pub struct Stack {
-    entries: Vec<Pending>,
+    pub(super) entries: Vec<Pending>,
     /// The same for wide trees.
     pub(super) groups: Vec<Group>,
 }
 
 /// A child whose box was entered.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pending {
-    child: u32,
-    count: u32,
-    entry: f32,
+pub(super) struct Pending {
+    pub(super) child: u32,
+    pub(super) count: u32,
+    pub(super) entry: f32,
 }
 
 impl Pending {
@@ -76,9 +79,26 @@ impl Stack {
     }
 }
 
-/// Walks every ray with a visitor of its own.
-pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, mut sink: S)
+/// Walks every ray through the scene's tree with a visitor of its own.
+pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, sink: S)
 where
+    V: Visitor<'a, Data = Scene>,
+    R: Iterator<Item = (Ray, u32)>,
+    S: FnMut(Hit, TestCounts),
+{
+    each_in::<V, R, S>(scene, scene.nodes(), scene, stack, rays, sink);
+}
+
+/// Walks every ray through `nodes`: a tree in the coordinates of `scene`, not deeper than its own, whose leaves mean
+/// what `data` says.
+pub(super) fn each_in<'a, V, R, S>(
+    scene: &Scene,
+    nodes: &[Node],
+    data: &'a V::Data,
+    stack: &mut Stack,
+    rays: R,
+    mut sink: S,
+) where
     V: Visitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
@@ -90,17 +110,16 @@ where
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
-        let mut visitor = V::begin(scene, ray, excluded);
-        walk_two(scene, stack, &mut visitor);
+        let mut visitor = V::begin(data, ray, excluded);
+        walk_nodes(nodes, stack, &mut visitor);
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
     }
 }
 
-/// Walks one ray. The stack fits the scene.
+/// Walks one ray. The stack fits the tree.
 #[inline(always)]
-pub(super) fn walk_two<'a, V: Visitor<'a>>(scene: &'a Scene, stack: &mut Stack, visitor: &mut V) {
-    let nodes = scene.nodes();
+pub(super) fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut Stack, visitor: &mut V) {
     let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
     let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], visitor) };
     if let Some(start) = start {
@@ -119,7 +138,12 @@ fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pendin
 
 /// Visits what the ray enters, front to back.
 #[inline(always)]
-fn walk<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut [Pending], start: Pending, visitor: &mut V) -> ControlFlow<()> {
+pub(super) fn walk<'a, V: Visitor<'a>>(
+    nodes: &[Node],
+    stack: &mut [Pending],
+    start: Pending,
+    visitor: &mut V,
+) -> ControlFlow<()> {
     // A copy, so that the compiler knows that visiting a leaf does not change it.
     let slabs = visitor.ray().slabs;
     let mut used = 0;

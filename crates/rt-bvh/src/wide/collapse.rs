@@ -8,8 +8,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use rt_core::{Aabb, Child, Scene, Triangle};
 
-/// Cost of visiting a wide node, where a triangle test costs 1. Measured on processors and lavapipe: see
-/// `docs/results/layouts.md`.
+/// Cost of visiting a wide node, where a triangle test costs 1: eight box tests, which are computed side by side. Between 1 and
+/// 8 trees hardly differ (2% in nodes, 4% in tests of a ray): nearly every node fills its slots whatever it costs.
 const NODE_COST: f32 = 3.0;
 
 /// Most roots of a forest that is asked for: one child of the wide node is left for the other side.

@@ -42,7 +42,7 @@ pub struct Series {
     pub points: Vec<[f64; 2]>,
 }
 
-const COLOURS: [Rgb; 8] = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, YELLOW, FAINT];
+const COLOURS: [Rgb; 9] = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, YELLOW, FAINT, INK];
 
 /// Sizes in pixels.
 const WIDTH: f64 = 1200.0;

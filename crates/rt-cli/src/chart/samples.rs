@@ -28,6 +28,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         tasks: 1,
         rays: 1024,
         error: None,
+        ..DeviceReport::default()
     };
     let estimate = EstimateReport {
         estimator: "strided".to_owned(),
@@ -36,6 +37,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         overhead: Some(0.05),
         mre_counts: None,
         mre_time: None,
+        ..EstimateReport::default()
     };
     let report = StreamReport {
         kind: "primary".to_owned(),

@@ -41,8 +41,8 @@ pub(crate) struct Results {
     /// Why a replay was chosen, where it was not asked for.
     pub(crate) note: Option<String>,
     pub(crate) estimator: &'static str,
-    /// Share of the rays that the estimator was asked to sample.
-    pub(crate) fraction: f64,
+    /// Share of the rays that the estimator was asked to sample; null where that is left to it.
+    pub(crate) fraction: Option<f64>,
     pub(crate) size: [u32; 2],
     pub(crate) repetitions: u32,
     pub(crate) seed: u32,

@@ -32,7 +32,7 @@ pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
 pub(super) fn figure(results: &Results) -> Figure {
     let kind = if results.mode == "replay" { "virtual devices (replay)" } else { "devices" };
     let title = format!("Tracing time against task size on {} {kind}", results.devices);
-    let fraction = 1.0 / results.fraction;
+    let fraction = results.fraction.map_or_else(String::new, |f| format!(", 1 ray in {:.0} sampled", 1.0 / f));
     let mut notes = vec![if results.mode == "replay" {
         format!(
             "Replay: queues on a virtual clock, driven by task times measured on {} in a pass that nothing was fitted \
@@ -44,7 +44,7 @@ pub(super) fn figure(results: &Results) -> Figure {
         format!("Real runs on {}.", results.measured_on.join(", "))
     }];
     notes.push(format!(
-        "Estimator {}, 1 ray in {fraction:.0} sampled. Medians of {} interleaved rounds, whiskers: {:.0}% intervals \
+        "Estimator {}{fraction}, new in every run. Medians of {} interleaved rounds, whiskers: {:.0}% intervals \
          between order statistics. Seeds {}–{}.",
         results.estimator,
         results.repetitions,
@@ -169,14 +169,14 @@ impl Panel {
 /// Every single time, one line each, under lines that say where it comes from.
 fn csv(results: &Results) -> String {
     let mut text = format!(
-        "# command: {}\n# machine: {}\n# {} on {} devices, measured on: {}\n# estimator {}, fraction {}\n",
+        "# command: {}\n# machine: {}\n# {} on {} devices, measured on: {}\n# estimator {}{}\n",
         results.command,
         results.machine,
         results.mode,
         results.devices,
         results.measured_on.join("; "),
         results.estimator,
-        results.fraction
+        results.fraction.map_or_else(String::new, |fraction| format!(", fraction {fraction}"))
     );
     text.push_str("scene,stream,rays,task_rays,tasks,round,seed,configuration,total_s,estimate_s\n");
     for panel in &results.panels {

@@ -3,7 +3,7 @@
 use super::Sampled;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, Task, Work};
+use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Task, Work};
 
 /// Predicts a stream from the last one of its kind and part, corrected by how long its tasks really took.
 ///
@@ -20,6 +20,9 @@ pub struct History {
 /// by a page fault or another program, must not spoil the next frame; real changes get through in a few.
 const LARGEST_CORRECTION: f64 = 4.0;
 
+/// Fewest measured tasks that say how far predictions are off.
+const LEAST_OUTCOMES: f64 = 8.0;
+
 /// A traced stream.
 #[derive(Debug)]
 struct Past {
@@ -27,6 +30,7 @@ struct Past {
     part: u32,
     rays: Vec<u32>,
     work: Vec<Work>,
+    misses: Misses,
 }
 
 impl History {
@@ -34,6 +38,26 @@ impl History {
     #[must_use]
     pub fn new(inner: Box<dyn CostEstimator>) -> Self {
         Self { inner, past: Vec::new() }
+    }
+
+    /// What the past says of a stream; `None` where it has not seen its kind and part.
+    ///
+    /// The standard error of a task is how far the last stream's prediction was off, relative to it, over all tasks.
+    pub(super) fn recall(&self, stream: RayStream<'_>) -> Option<Vec<Work>> {
+        let past = self.past.iter().find(|past| (past.kind, past.part) == (stream.kind, stream.part))?;
+        let work = past.seen_by(stream.tasks).into_iter();
+        let off = past.misses.typical();
+        Some(work.map(|w| w.with_std_error(off.map_or(f32::NAN, |off| w.tests() * off as f32))).collect())
+    }
+
+    /// Keeps the estimate that a stream is scheduled by, to be corrected by what is measured.
+    pub(super) fn remember(&mut self, stream: RayStream<'_>, work: &[Work]) {
+        let rays = stream.tasks.iter().map(|t| t.rays).collect();
+        let new = Past { kind: stream.kind, part: stream.part, rays, work: work.to_vec(), misses: Misses::default() };
+        match self.past.iter_mut().find(|past| (past.kind, past.part) == (stream.kind, stream.part)) {
+            Some(old) => *old = new,
+            None => self.past.push(new),
+        }
     }
 }
 
@@ -50,18 +74,12 @@ impl CostEstimator for History {
     }
 
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
-        let known = self.past.iter_mut().find(|past| (past.kind, past.part) == (stream.kind, stream.part));
-        let step = match &known {
-            Some(past) => Step::Done(past.seen_by(stream.tasks)),
+        let step = match self.recall(stream) {
+            Some(work) => Step::Done(work),
             None => self.inner.next(stream, seen),
         };
         if let Step::Done(work) = &step {
-            let rays = stream.tasks.iter().map(|t| t.rays).collect();
-            let past = Past { kind: stream.kind, part: stream.part, rays, work: work.clone() };
-            match known {
-                Some(old) => *old = past,
-                None => self.past.push(past),
-            }
+            self.remember(stream, work);
         }
         step
     }
@@ -78,9 +96,33 @@ impl CostEstimator for History {
             let (Some(new), Some(old)) = (past.work.get_mut(task), launch.work.get(task)) else { continue };
             let factor = outcome.measured_s / outcome.predicted_s;
             if factor.is_finite() && factor > 0.0 {
+                past.misses.add(factor);
                 *new = old.scaled(factor.clamp(1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION) as f32);
             }
         }
+    }
+
+    fn finish(&mut self, record: &StreamRecord<'_>) {
+        self.inner.finish(record);
+    }
+}
+
+/// How far tasks' measured seconds lay from what was predicted, as relative errors.
+#[derive(Clone, Copy, Debug, Default)]
+struct Misses {
+    squares: f64,
+    count: f64,
+}
+
+impl Misses {
+    fn add(&mut self, factor: f64) {
+        let off = factor.clamp(1.0 / LARGEST_CORRECTION, LARGEST_CORRECTION) - 1.0;
+        (self.squares, self.count) = (self.squares + off * off, self.count + 1.0);
+    }
+
+    /// Their root mean square; `None` of too few to say.
+    fn typical(&self) -> Option<f64> {
+        (self.count >= LEAST_OUTCOMES).then(|| libm::sqrt(self.squares / self.count))
     }
 }
 

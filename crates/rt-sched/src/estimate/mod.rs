@@ -1,17 +1,33 @@
 //! Cost estimators: what the tasks of a stream are expected to cost.
 //!
-//! | estimator | what it asks of the devices |
-//! |---|---|
-//! | [`Uniform`] | nothing: every ray costs the same |
-//! | [`Sampled`] "exact" | full traversal of a sample, whose hits are kept |
-//! | [`Sampled`] "reduced" | reduced traversal of a sample, as in the paper |
-//! | [`History`] | nothing, once a stream of the same kind was traced |
+//! | estimator | source | what it asks of the devices |
+//! |---|---|---|
+//! | [`Uniform`] | the paper's regular tasks | nothing: every ray costs the same |
+//! | [`Sampled`] "exact" | sampling without replacement | full traversal of a sample, whose hits are kept |
+//! | [`Sampled`] "reduced…" | M. Rincón-Nigro and Z. Deng (2013) | reduced traversal of a sample, whose rays are traced again |
+//! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
+//! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
+//! | [`History`] | Blender Cycles | nothing, once a stream of the same kind was traced |
+//! | [`Auto`] | – | what the best of exact, field and history asks, within a budget |
+//!
+//! Every estimate carries the standard error of its number of tests where that is known; [`interval_95`] makes an
+//! interval of it. That is the error against *counts*. How well counts predict time is another question, answered by
+//! [`crate::calibrate`].
 
+mod adaptive;
+mod auto;
+mod batch;
+mod cells;
+mod field;
 mod history;
+mod price;
 mod sampled;
 #[cfg(test)]
 mod tests;
 
+pub use adaptive::Adaptive;
+pub use auto::Auto;
+pub use field::Field;
 pub use history::History;
 pub use sampled::{Sampled, interval_95};
 

@@ -8,7 +8,7 @@ use crate::trial::Trial;
 use crate::{Promise, shapes, tree};
 use glam::Vec3;
 use rt_bvh::{BuildOptions, Mesh};
-use rt_core::{Query, Ray, Scene, SceneParts};
+use rt_core::{Query, Ray, Scene, SceneParts, Triangle};
 use std::sync::Arc;
 
 pub(super) const NAME: &str = "ids";
@@ -26,6 +26,8 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     trial.advance(0.0)?;
     rows.push(renumbered(trial));
     trial.advance(0.1)?;
+    rows.push(behind_others(trial));
+    trial.advance(0.3)?;
     rows.push(built_for_real(trial));
     Ok(())
 }
@@ -37,13 +39,17 @@ fn down([x, z]: [u32; 2], side: [u32; 2], half: u32) -> Ray {
     Ray::new(Vec3::new((x as f32 + dx) / side[0] as f32, 1.0, (z as f32 + dz) / side[1] as f32), Vec3::NEG_Y)
 }
 
+/// A ray into every triangle of the small plane, in the order of their ids.
+fn plane_rays() -> Vec<(Ray, u32)> {
+    (0..2 * SIDE * SIDE).map(|id| (down([id / 2 % SIDE, id / 2 / SIDE], [SIDE; 2], id % 2), u32::MAX)).collect()
+}
+
 /// A small tree whose triangles are given large ids: what a device does with ids costs nothing to try.
 fn renumbered(trial: &Trial<'_>) -> Row {
     let mut tally = Tally::new(NAME, "renumbered to 2^24 and 2^32", Promise::Agreement);
     let triangles = shapes::grid(SIDE, 0.0, 0);
     let Some(scene) = built(tree::build(&triangles, trial.options().builder), &mut tally) else { return tally.row() };
-    let rays: Vec<(Ray, u32)> =
-        (0..2 * SIDE * SIDE).map(|id| (down([id / 2 % SIDE, id / 2 / SIDE], [SIDE; 2], id % 2), u32::MAX)).collect();
+    let rays = plane_rays();
     for first in FIRST {
         let parts = SceneParts {
             nodes: scene.nodes().to_vec(),
@@ -63,11 +69,32 @@ fn renumbered(trial: &Trial<'_>) -> Row {
     tally.row()
 }
 
+/// A small plane behind more than 2²⁴ triangles without area in the caller's list: what a builder does with ids.
+fn behind_others(trial: &Trial<'_>) -> Row {
+    let mut tally = Tally::new(NAME, "behind 2^24 triangles without area", Promise::Agreement);
+    let first = (1_u32 << 24) + 5;
+    let plane = shapes::grid(SIDE, 0.0, 0);
+    let positions: Vec<Vec3> = plane.iter().flat_map(Triangle::vertices).collect();
+    let mut indices = vec![[0_u32; 3]; first as usize];
+    indices.extend((0..plane.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
+    let mesh = Mesh { positions: &positions, indices: &indices };
+    let options = BuildOptions { builder: trial.options().builder, ..BuildOptions::default() };
+    let scene = rt_bvh::build(mesh, &options).map(|built| Arc::new(built.scene)).map_err(|e| e.to_string());
+    let Some(scene) = built(scene, &mut tally) else { return tally.row() };
+    match trial.trace(&scene, &plane_rays(), Query::Closest) {
+        Ok(hits) => (first..).zip(&hits).for_each(|(id, hit)| {
+            tally.check(hit.primitive == id, || format!("{hit:?}, not {id}"));
+        }),
+        Err(refusal) => tally.refuse(&refusal, plane.len()),
+    }
+    tally.row()
+}
+
 /// A plane of more than 2²⁴ triangles, and rays into some of them all over it.
 fn built_for_real(trial: &Trial<'_>) -> Row {
     let mut tally = Tally::new(NAME, "plane of 2^24 triangles", Promise::Agreement);
     if trial.options().extent != Extent::Full {
-        tally.note("takes a minute and some GB: with --full");
+        tally.note("takes minutes and some GB: with --full");
         return tally.row();
     }
     let [columns, lines] = MANY;

@@ -1,7 +1,7 @@
 //! The estimators that are swept.
 
-use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, ReducedWalk, Step, StreamKind, Walk};
-use rt_sched::estimate::Sampled;
+use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, ReducedWalk, Step, StreamKind, StreamRecord, Walk};
+use rt_sched::estimate::{Adaptive, Auto, Field, Sampled};
 use rt_sched::sample::{Fraction, RaySampler};
 
 /// An estimator that takes a fraction.
@@ -36,15 +36,41 @@ fn unshortened(fraction: Fraction) -> Box<dyn CostEstimator> {
     Box::new(Sampled::new(Walk::Reduced(ReducedWalk::Unshortened), fraction))
 }
 
+fn plane(fraction: Fraction) -> Box<dyn CostEstimator> {
+    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafPlane), fraction))
+}
+
+fn truncated(fraction: Fraction) -> Box<dyn CostEstimator> {
+    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::Truncated), fraction))
+}
+
+fn field(fraction: Fraction) -> Box<dyn CostEstimator> {
+    Box::new(Field::new(fraction))
+}
+
+fn adaptive(fraction: Fraction) -> Box<dyn CostEstimator> {
+    Box::new(Adaptive::new(fraction))
+}
+
+/// Its budget is a share of the trace, not of the rays.
+fn auto(budget: Fraction) -> Box<dyn CostEstimator> {
+    Box::new(Auto::new(budget.value()))
+}
+
 /// The reduced traversal of the paper, in the reading that comes nearest to its price.
 pub(super) const PAPERS: &str = "reduced, leaf as hit";
 
 /// All of them.
-pub(super) const KINDS: [Kind; 4] = [
+pub(super) const KINDS: [Kind; 9] = [
     Kind { name: "exact", make: exact, sampler: Choice::Own, every_ray: false },
     Kind { name: "exact, other sampler", make: exact, sampler: Choice::Other, every_ray: false },
     Kind { name: PAPERS, make: leaf, sampler: Choice::Own, every_ray: true },
     Kind { name: "reduced, unshortened", make: unshortened, sampler: Choice::Own, every_ray: true },
+    Kind { name: "reduced, leaf plane", make: plane, sampler: Choice::Own, every_ray: true },
+    Kind { name: "reduced, truncated tree", make: truncated, sampler: Choice::Own, every_ray: true },
+    Kind { name: "cost field", make: field, sampler: Choice::Own, every_ray: false },
+    Kind { name: "adaptive from", make: adaptive, sampler: Choice::Own, every_ray: false },
+    Kind { name: "auto, budget", make: auto, sampler: Choice::Own, every_ray: false },
 ];
 
 impl Kind {
@@ -96,6 +122,10 @@ impl CostEstimator for SampledAs {
         self.inner.name()
     }
 
+    fn chosen(&self) -> &'static str {
+        self.inner.chosen()
+    }
+
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
         self.inner.next(self.seen_as(stream), seen)
     }
@@ -106,6 +136,10 @@ impl CostEstimator for SampledAs {
 
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         self.inner.learn(&LaunchRecord { stream: self.seen_as(launch.stream), ..*launch });
+    }
+
+    fn finish(&mut self, record: &StreamRecord<'_>) {
+        self.inner.finish(&StreamRecord { stream: self.seen_as(record.stream), ..*record });
     }
 }
 
@@ -119,7 +153,7 @@ mod tests {
     fn the_other_sampler_is_another() {
         let tasks = tasks_of(1024, 1024);
         let steps = |kind: &Kind, of: StreamKind| {
-            let stream = RayStream { kind: of, tasks: &tasks, seed: 1, part: 0 };
+            let stream = RayStream { kind: of, tasks: &tasks, seed: 1, part: 0, source: None, devices: 1 };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>(),
                 Step::Done(_) => Vec::new(),

@@ -5,12 +5,12 @@ use crate::experiment::{Observed, Queue, Replay, Subject};
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
-use rt_balance::report::StreamRun;
+use rt_balance::report::{ErrorReport, StreamRun};
 use rt_balance::stats::Summary;
-use rt_balance::{Reference, Scheduling, Stream};
+use rt_balance::{Scheduling, Stream};
 use rt_core::{CostEstimator, StreamKind};
 use rt_sched::estimate::Uniform;
-use rt_sched::metrics::{self, EstimateErrors};
+use rt_sched::metrics;
 use rt_sched::policy::{Block, RoundRobin};
 use rt_sched::sample::Fraction;
 use serde::Serialize;
@@ -54,7 +54,8 @@ pub(super) struct Cell {
     pub(super) estimator: &'static str,
     /// `strided` or `random`; `None` without samples.
     pub(super) sampler: Option<&'static str>,
-    /// Share of the rays that was sampled; 0 without an estimator.
+    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget as a
+    /// share of the trace; 0 without an estimator.
     pub(super) fraction: f64,
     /// Seed of each round's samples.
     pub(super) seeds: Vec<u32>,
@@ -191,7 +192,7 @@ impl<'a> Sweep<'a> {
             let plain = run(subject, stream, Box::new(Uniform))?;
             let mut tried = run(subject, stream, kind.estimator(*fraction, stream.kind))?;
             reference.judge(&mut tried);
-            samples[REGULAR.len() + index] = (seconds(&tried, &plain), sample(&tried, &plain, &reference, task_s));
+            samples[REGULAR.len() + index] = (seconds(&tried, &plain), sample(&tried, &plain, task_s));
             if step == 0 {
                 let launch_s = Observed::of(&plain).launch_s;
                 for (slot, excess) in samples.iter_mut().zip(regular(stream, task_s, launch_s)) {
@@ -223,20 +224,18 @@ fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.le
     })
 }
 
-/// The metrics of one run. The plain run traces every ray on the same device, right before it.
-fn sample(tried: &StreamRun, plain: &StreamRun, reference: &Reference, task_s: &[f64]) -> Sample {
+/// The metrics of one run that was judged. The plain run traces every ray on the same device, right before it.
+fn sample(tried: &StreamRun, plain: &StreamRun, task_s: &[f64]) -> Sample {
     let [estimate_s, makespan_s, plain_s] = seconds(tried, plain);
-    let estimated: Vec<f64> = tried.work.iter().map(|work| f64::from(work.tests())).collect();
-    let counts = EstimateErrors::new(&estimated, &reference.tests);
-    let time = reference.time_errors(tried);
-    let both = |errors: Option<EstimateErrors>| errors.map_or([f64::NAN; 2], |e| [e.mean_relative, e.p95]);
+    let both = |errors: Option<ErrorReport>| errors.map_or([f64::NAN; 2], |errors| [errors.mean, errors.p95]);
     let seen = Observed::of(tried);
     let excess = MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: seen.launch_s };
         let (total, _) = replay.cost_initialised(Queue::Hybrid, &seen);
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     });
-    let ([counts, counts_p95], [time, time_p95]) = (both(counts), both(time));
+    let estimate = &tried.report.estimate;
+    let ([counts, counts_p95], [time, time_p95]) = (both(estimate.errors_counts), both(estimate.errors_time));
     let [two, three, eight, unequal] = excess;
     let overhead = estimate_s / plain_s;
     let net = makespan_s / plain_s - 1.0;

@@ -1,0 +1,117 @@
+//! Measures what estimating costs and how wrong it is: the tables of docs/results/estimation.md.
+//!
+//! `cargo run --release -p rt-benches --bin estimation -- SCENE... [--kinds primary,diffuse] [--size 1024x1024]
+//! [--task-sizes 1024,64] [--repetitions 7] [--only NAME,...] [--quick] [--json FILE]`
+//!
+//! A scene is `yard`, `car` or an OBJ file. One CPU device of one thread; the kernel is the one that renders.
+//!
+//! * **Truth.** Exact counts of every task, from the layout that traces. Seconds of every task, one task per launch, thread
+//!   time, the median of several passes. The task time's own repeatability stands beside: the same error measure between
+//!   the medians of the even and of the odd passes.
+//! * **Errors** per task after one common scale, against counts and against seconds. Seconds are predicted by prices fitted
+//!   on the other half of the tasks. Averaged over repetitions, each with a seed of its own.
+//! * **Net overhead** = (estimate + remaining trace − plain trace of all rays) / plain trace, hits of full walks kept, each
+//!   repetition right after a plain trace of its own. From the processor time of the process, so that other programs count
+//!   little; the wall's is in the JSON.
+#![forbid(unsafe_code)]
+
+mod measure;
+mod options;
+mod table;
+mod truth;
+
+use backend_cpu::CpuDevice;
+use measure::{Case, Outcome};
+use options::Options;
+use rt_benches::BenchScene;
+use rt_core::{Device, Hit, Launch, RaySource, StreamKind, StreamSpec, Tracer, tasks_of};
+use rt_scene::streams::Spawner;
+use serde_json::{Value, json};
+use std::error::Error;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use truth::Truth;
+
+/// Longest wait for a launch.
+pub(crate) const LIMIT: Duration = Duration::from_secs(600);
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    let mut results = Vec::new();
+    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    for name in &options.scenes {
+        let scene = BenchScene::open(name)?;
+        let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
+        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
+        let built = Arc::new(rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene);
+        let devices = CpuDevice::open_all(&[1])?;
+        let device = devices.first().ok_or("no CPU device")?;
+        for &kind in &options.kinds {
+            let mut tracer = device.tracer(Arc::clone(&built), now)?;
+            let source = rays(&scene, &options, kind, &mut *tracer)?;
+            for &size in &options.task_sizes {
+                results.push(one(&scene.name, &options, &mut *tracer, kind, &source, size)?);
+            }
+        }
+    }
+    if let Some(path) = &options.json {
+        let command: Vec<String> = std::env::args().skip(1).collect();
+        std::fs::write(path, serde_json::to_string_pretty(&json!({ "command": command, "results": results }))?)?;
+    }
+    Ok(())
+}
+
+/// Time since the first call.
+fn now() -> Duration {
+    static ORIGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    ORIGIN.get_or_init(Instant::now).elapsed()
+}
+
+/// All rays of one kind; diffuse ones start at the hits of the primary ones.
+fn rays(
+    scene: &BenchScene,
+    options: &Options,
+    kind: StreamKind,
+    tracer: &mut dyn Tracer,
+) -> Result<RaySource, Box<dyn Error>> {
+    let primary = scene.primary(options.size, 1, 1)?;
+    if kind == StreamKind::Primary {
+        return Ok(primary);
+    }
+    tracer.load_rays(primary.clone(), StreamSpec::default())?;
+    let mut launch = Launch::default();
+    let ticket = tracer.submit(&tasks_of(primary.len(), 1024), None)?;
+    tracer.wait(ticket, LIMIT, &mut launch)?;
+    let hits: &[Hit] = &launch.hits;
+    let spawner = Spawner { model: &scene.model, rays: &primary, hits, seed: 1, samples: 1, bounce: 0 };
+    Ok(spawner.diffuse(0..hits.len() as u32).into_source().0)
+}
+
+/// One scene, kind of rays and task size.
+fn one(
+    scene: &str,
+    options: &Options,
+    tracer: &mut dyn Tracer,
+    kind: StreamKind,
+    source: &RaySource,
+    size: u32,
+) -> Result<Value, Box<dyn Error>> {
+    let tasks = tasks_of(source.len(), size);
+    eprintln!("{scene}, {kind}, {} rays in tasks of {size}", source.len());
+    let truth = Truth::measure(tracer, source, &tasks, options.passes)?;
+    tracer.load_rays(source.clone(), StreamSpec::default())?;
+    let mut cases = Case::list(options);
+    let mut outcomes: Vec<Vec<Outcome>> = vec![Vec::new(); cases.len()];
+    // The first repetition fills caches and teaches estimators that learn; it is not counted.
+    for repetition in 0..=options.repetitions as u32 {
+        for (case, outcomes) in cases.iter_mut().zip(&mut outcomes) {
+            let outcome = case.run(tracer, source, kind, &tasks, repetition, &truth)?;
+            if repetition > 0 {
+                outcomes.push(outcome);
+            }
+        }
+        eprintln!("repetition {repetition} of {}", options.repetitions);
+    }
+    table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes);
+    Ok(table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes))
+}

@@ -1,0 +1,224 @@
+//! Runs one estimator once, and judges it.
+
+use super::LIMIT;
+use super::options::Options;
+use super::truth::Truth;
+use rt_core::{
+    CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, ReducedWalk, Span, Step,
+    StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
+};
+use rt_sched::calibrate::cross_predicted;
+use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform, interval_95};
+use rt_sched::metrics::EstimateErrors;
+use rt_sched::sample::Fraction;
+use std::error::Error;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// An estimator with its parameters.
+#[derive(Debug)]
+pub(crate) struct Case {
+    pub(crate) name: String,
+    estimator: Box<dyn CostEstimator>,
+}
+
+/// What one repetition of a case showed. Seconds.
+#[derive(Clone, Debug)]
+pub(crate) struct Outcome {
+    pub(crate) seed: u32,
+    pub(crate) chosen: &'static str,
+    pub(crate) walked: u64,
+    pub(crate) plain: Seconds,
+    pub(crate) estimate: Seconds,
+    pub(crate) remaining: Seconds,
+    /// Wall seconds of the walks alone.
+    pub(crate) walk_s: f64,
+    pub(crate) counts: Option<EstimateErrors>,
+    pub(crate) time: Option<EstimateErrors>,
+    /// Share of the tasks whose 95% interval holds their exact tests; `None` where no task has one.
+    pub(crate) coverage: Option<f64>,
+}
+
+impl Outcome {
+    /// (estimate + remaining − plain) / plain.
+    pub(crate) fn net(&self, of: fn(&Seconds) -> f64) -> f64 {
+        (of(&self.estimate) + of(&self.remaining)) / of(&self.plain) - 1.0
+    }
+}
+
+/// What something took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Seconds {
+    pub(crate) wall: f64,
+    /// Processor time of all threads of this process.
+    pub(crate) cpu: f64,
+}
+
+/// Runs `work` and says what it took.
+fn timed<T>(work: impl FnOnce() -> T) -> (T, Seconds) {
+    let (start, busy) = (Instant::now(), processor_s());
+    let result = work();
+    (result, Seconds { wall: start.elapsed().as_secs_f64(), cpu: processor_s() - busy })
+}
+
+#[cfg(unix)]
+fn processor_s() -> f64 {
+    let t = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
+    t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+}
+
+/// The wall's time, where the system does not tell.
+#[cfg(not(unix))]
+fn processor_s() -> f64 {
+    super::now().as_secs_f64()
+}
+
+impl Case {
+    /// All cases asked for.
+    pub(crate) fn list(options: &Options) -> Vec<Self> {
+        let mut cases = vec![Self { name: "uniform".to_owned(), estimator: Box::new(Uniform) }];
+        let mut add = |name: String, estimator: Box<dyn CostEstimator>| cases.push(Self { name, estimator });
+        for one_in in [8_u32, 64, 128, 256] {
+            let Some(fraction) = Fraction::new(1.0 / f64::from(one_in)) else { continue };
+            add(format!("exact 1/{one_in}"), Box::new(Sampled::new(Walk::Full, fraction)));
+            add(format!("field 1/{one_in}"), Box::new(Field::new(fraction)));
+            let reduced = [
+                ("reduced", ReducedWalk::LeafAsHit),
+                ("unshortened", ReducedWalk::Unshortened),
+                ("plane", ReducedWalk::LeafPlane),
+                ("truncated", ReducedWalk::Truncated),
+            ];
+            for (name, walk) in reduced.into_iter().filter(|_| one_in <= 64) {
+                add(format!("{name} 1/{one_in}"), Box::new(Sampled::new(Walk::Reduced(walk), fraction)));
+            }
+        }
+        for (name, walk) in [("reduced", ReducedWalk::LeafAsHit), ("plane", ReducedWalk::LeafPlane)] {
+            add(format!("{name} 1/1"), Box::new(Sampled::new(Walk::Reduced(walk), Fraction::ONE)));
+        }
+        add("adaptive".to_owned(), Box::<Adaptive>::default());
+        add("history".to_owned(), Box::<History>::default());
+        add("auto".to_owned(), Box::<Auto>::default());
+        let asked = |case: &Self| {
+            let family = case.name.split(' ').next().unwrap_or_default();
+            options.only.is_empty() || options.only.iter().any(|only| only == family || *only == case.name)
+        };
+        cases.into_iter().filter(asked).collect()
+    }
+
+    /// A plain trace of all rays, then the estimate and the trace of what is left.
+    pub(crate) fn run(
+        &mut self,
+        tracer: &mut dyn Tracer,
+        source: &RaySource,
+        kind: StreamKind,
+        tasks: &[Task],
+        seed: u32,
+        truth: &Truth,
+    ) -> Result<Outcome, Box<dyn Error>> {
+        let mut launch = Launch::default();
+        let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
+        result?;
+        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2 };
+        let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
+        let walked = result?;
+        let (result, remaining) = timed(|| trace(tracer, tasks, walked.mask.as_ref(), &mut launch));
+        let span = result?;
+        self.teach(stream, &walked, &launch, span);
+        let estimated: Vec<f64> = walked.work.iter().map(|w| f64::from(w.tests())).collect();
+        Ok(Outcome {
+            seed,
+            chosen: self.estimator.chosen(),
+            walked: walked.rays.len() as u64,
+            plain,
+            estimate,
+            remaining,
+            walk_s: walked.walk_s,
+            counts: EstimateErrors::new(&estimated, &truth.tests),
+            time: EstimateErrors::new(&cross_predicted(&walked.work, &truth.seconds), &truth.seconds),
+            coverage: coverage(&walked, tasks, &truth.tests),
+        })
+    }
+
+    /// What a driver tells an estimator.
+    fn teach(&mut self, stream: RayStream<'_>, walked: &Walked, launch: &Launch, span: Span) {
+        let tests: f64 = walked.work.iter().map(|w| f64::from(w.tests())).sum();
+        let busy: f64 = launch.task_seconds.iter().copied().map(f64::from).sum();
+        let outcome = |(task, (work, &seconds)): (u32, (&Work, &f32))| TaskOutcome {
+            task,
+            predicted_s: f64::from(work.tests()) * busy / tests,
+            measured_s: f64::from(seconds),
+        };
+        let outcomes: Vec<TaskOutcome> = (0..).zip(walked.work.iter().zip(&launch.task_seconds)).map(outcome).collect();
+        let work = &walked.work;
+        self.estimator.learn(&LaunchRecord { stream, work, device: 0, outcomes: &outcomes, per_task: true });
+        let kept = walked.mask.as_ref().map_or(0, |mask| u64::from(mask.count()));
+        self.estimator.finish(&StreamRecord {
+            stream,
+            walked_rays: walked.rays.len() as u64,
+            walk_s: walked.walk_s,
+            traced_rays: u64::from(stream.rays()) - kept,
+            trace_s: span.in_kernel.as_secs_f64(),
+        });
+    }
+}
+
+/// An estimate and how it came about.
+struct Walked {
+    work: Vec<Work>,
+    rays: Vec<u32>,
+    mask: Option<Arc<RayMask>>,
+    walk_s: f64,
+}
+
+fn trace(
+    tracer: &mut dyn Tracer,
+    tasks: &[Task],
+    done: Option<&Arc<RayMask>>,
+    launch: &mut Launch,
+) -> Result<Span, rt_core::DeviceError> {
+    let ticket = tracer.submit(tasks, done)?;
+    tracer.wait(ticket, LIMIT, launch)?;
+    Ok(launch.span)
+}
+
+/// What a driver does with an estimator, on one device.
+fn walk(
+    estimator: &mut dyn CostEstimator,
+    stream: RayStream<'_>,
+    tracer: &mut dyn Tracer,
+) -> Result<Walked, rt_core::DeviceError> {
+    let (mut rays, mut counts, mut all) = (Vec::new(), Vec::new(), Vec::new());
+    let mut kept: Option<RayMask> = None;
+    let mut walk_s = 0.0;
+    loop {
+        match estimator.next(stream, Observation { rays: &rays, counts: &counts }) {
+            Step::Done(work) => return Ok(Walked { work, rays: all, mask: kept.map(Arc::new), walk_s }),
+            Step::Sample { rays: asked, walk } => {
+                counts = vec![TestCounts::default(); asked.len()];
+                let full = walk == Walk::Full;
+                let mut hits = vec![Hit::MISS; if full { asked.len() } else { 0 }];
+                let span = tracer.walk(&asked, walk, &mut counts, full.then_some(&mut hits[..]))?;
+                walk_s += span.in_kernel.as_secs_f64();
+                if full {
+                    let mask = kept.get_or_insert_with(|| RayMask::new(stream.rays()));
+                    asked.iter().for_each(|&ray| mask.insert(ray));
+                }
+                all.extend_from_slice(&asked);
+                rays = asked;
+            }
+        }
+    }
+}
+
+/// Share of the tasks whose interval holds.
+fn coverage(walked: &Walked, tasks: &[Task], truth: &[f64]) -> Option<f64> {
+    let mut samples = vec![0_u32; tasks.len()];
+    for ray in &walked.rays {
+        samples[tasks.partition_point(|task| task.first + task.rays <= *ray)] += 1;
+    }
+    let holds = |((work, &n), truth): ((&Work, &u32), &f64)| {
+        Some((f64::from(work.tests()) - truth).abs() <= interval_95(work, n)?)
+    };
+    let known: Vec<bool> = walked.work.iter().zip(&samples).zip(truth).filter_map(holds).collect();
+    (!known.is_empty()).then(|| known.iter().filter(|&&holds| holds).count() as f64 / known.len() as f64)
+}

@@ -1,0 +1,181 @@
+//! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays made
+//! there against rays sent, and what a ray of a bounce costs the host.
+//!
+//! `cargo run --release -p rt-benches --bin launches -- SCENE... [--device 0] [--runs 7] [--size 512x512]
+//! [--lanes 128,1024,16384]`
+#![forbid(unsafe_code)]
+
+use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
+use rayon::prelude::*;
+use rt_balance::stats::{median, ratios};
+use rt_benches::BenchScene;
+use rt_bvh::{BuildOptions, Mesh, build};
+use rt_core::{Device, Hit, Launch, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_scene::streams::{Spawned, Spawner};
+use std::error::Error;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// The longest a launch may take.
+const LIMIT: Duration = Duration::from_secs(600);
+
+/// Hits that a thread turns into rays at once, as the command does.
+const SPAWN: u32 = 1 << 14;
+
+struct Options {
+    scenes: Vec<String>,
+    device: usize,
+    runs: usize,
+    size: [u32; 2],
+    lanes: Vec<u32>,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    let device = open(options.device, Tuning::default())?;
+    println!("device: {} ({}), makes rays: {}\n", device.info().name, device.card().driver, device.makes_rays());
+    println!(
+        "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to load \
+         camera rays that the device makes, and that the host prepares and sends; to spawn and to load diffuse rays; \
+         camera rays per million that the device does not make but leaves to the host. Medians of {} interleaved runs.\n",
+        options.runs
+    );
+    print!("| scene | rays | Mray/s |");
+    options.lanes.iter().for_each(|lanes| print!(" {lanes} lanes |"));
+    println!(
+        " made ns | sent ns | spawned ns | left ppm |\n|---|---|---|{}---|---|---|---|",
+        "---|".repeat(options.lanes.len())
+    );
+    for name in &options.scenes {
+        bench(name, &options)?;
+    }
+    Ok(())
+}
+
+fn open(index: usize, tuning: Tuning) -> Result<VulkanDevice, Box<dyn Error>> {
+    let found = VulkanDevice::enumerate(Open::from_env())?;
+    Ok(found.into_iter().nth(index).ok_or("there is no such device")??.tuned(tuning))
+}
+
+fn clock() -> Duration {
+    static START: OnceLock<Instant> = OnceLock::new();
+    START.get_or_init(Instant::now).elapsed()
+}
+
+fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
+    let bench = BenchScene::open(name)?;
+    let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
+    let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
+    let tracer = |tuning| -> Result<(VulkanDevice, Box<dyn Tracer>), Box<dyn Error>> {
+        let device = open(options.device, tuning)?;
+        let tracer = device.tracer(Arc::clone(&scene), clock)?;
+        Ok((device, tracer))
+    };
+    let (device, mut first) = tracer(Tuning::default())?;
+    let (sender, mut host) = tracer(Tuning { host_rays: true, ..Tuning::default() })?;
+    let primary = bench.primary(options.size, 1, 1)?;
+    load(&mut *first, &primary)?;
+    let hits = trace(&mut *first, primary.len())?.hits;
+    load(&mut *host, &primary)?;
+    trace(&mut *host, primary.len())?;
+    let [left, doubtful] = [&device, &sender].map(|device| device.tally().on_host());
+    let left = (left as f64 - doubtful as f64) / f64::from(primary.len().max(1));
+    let mut tracers = vec![first];
+    for &lanes in &options.lanes {
+        tracers.push(tracer(Tuning { persistent_lanes: Some(lanes), ..Tuning::default() })?.1);
+    }
+    let mut spawned_s = Vec::new();
+    let mut diffuse = primary.clone();
+    for _ in 0..options.runs {
+        let begin = Instant::now();
+        diffuse = spawn(&bench, &primary, &hits);
+        spawned_s.push(begin.elapsed().as_secs_f64() / f64::from(diffuse.len().max(1)));
+    }
+    for (kind, source) in [("primary", &primary), ("diffuse", &diffuse)] {
+        if source.is_empty() {
+            continue;
+        }
+        let rays = f64::from(source.len());
+        let (mut kernels, mut made_s, mut sent_s) = (vec![Vec::new(); tracers.len()], Vec::new(), Vec::new());
+        // Once unmeasured: kernels are compiled when they are first wanted.
+        for run in 0..=options.runs {
+            let made = load(&mut *tracers[0], source)? / rays;
+            let sent = load(&mut *host, source)? / rays;
+            for tracer in &mut tracers[1..] {
+                load(&mut **tracer, source)?;
+            }
+            for (times, tracer) in kernels.iter_mut().zip(&mut tracers) {
+                let seconds = trace(&mut **tracer, source.len())?.span.in_kernel.as_secs_f64();
+                if run > 0 {
+                    times.push(seconds);
+                }
+            }
+            if run > 0 {
+                made_s.push(made);
+                sent_s.push(sent);
+            }
+        }
+        let ratio = |k: usize| median(&ratios(&kernels[k], &kernels[0]));
+        print!("| {} | {kind} | {:.2} |", bench.name, rays / median(&kernels[0]) / 1e6);
+        (1..kernels.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
+        let ns = |seconds: &[f64]| format!("{:.0}", median(seconds) * 1e9);
+        match kind {
+            "primary" => println!(" {} | {} | | {:.1} |", ns(&made_s), ns(&sent_s), left * 1e6),
+            _ => println!(" | {} | {} | |", ns(&sent_s), ns(&spawned_s)),
+        }
+    }
+    Ok(())
+}
+
+/// Seconds that loading takes.
+fn load(tracer: &mut dyn Tracer, source: &RaySource) -> Result<f64, Box<dyn Error>> {
+    let begin = Instant::now();
+    tracer.load_rays(source.clone(), StreamSpec::default())?;
+    Ok(begin.elapsed().as_secs_f64())
+}
+
+fn trace(tracer: &mut dyn Tracer, rays: u32) -> Result<Launch, Box<dyn Error>> {
+    let ticket = tracer.submit(&tasks_of(rays, u32::MAX), None)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch)?;
+    Ok(launch)
+}
+
+/// A diffuse ray for every hit, on all of the host's threads.
+fn spawn(bench: &BenchScene, rays: &RaySource, hits: &[Hit]) -> RaySource {
+    let spawner = Spawner { model: &bench.model, rays, hits, seed: 1, samples: 1, bounce: 0 };
+    let count = hits.len() as u32;
+    let parts = (0..count.div_ceil(SPAWN)).into_par_iter();
+    let parts: Vec<Spawned> = parts.map(|part| spawner.diffuse(part * SPAWN..count.min((part + 1) * SPAWN))).collect();
+    let mut all = Spawned::default();
+    parts.into_iter().for_each(|part| all.append(part));
+    all.into_source().0
+}
+
+impl Options {
+    fn parse() -> Result<Self, Box<dyn Error>> {
+        let lanes = vec![128, 1024, 16_384];
+        let mut options = Self { scenes: Vec::new(), device: 0, runs: 7, size: [512, 512], lanes };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            match argument.as_str() {
+                "--device" => options.device = value()?.parse()?,
+                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
+                "--size" => {
+                    let text = value()?;
+                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
+                    options.size = [width.parse()?, height.parse()?];
+                }
+                "--lanes" => options.lanes = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
+                other => return Err(format!("unknown option {other}").into()),
+            }
+        }
+        if options.scenes.is_empty() {
+            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
+        }
+        Ok(options)
+    }
+}

@@ -1,0 +1,108 @@
+//! Whether a device makes the camera rays that the host makes, bit for bit.
+
+use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
+use rt_bvh::{BuildOptions, Mesh, build};
+use rt_core::{Camera, CameraRays, Scene, morton};
+use std::sync::Arc;
+
+/// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the host.
+const SIZE: [u32; 2] = [62, 38];
+
+/// Share of the rays of a trial that a device may leave to the host. With quotients that are off by 2.5 units in the last
+/// place, the improved ones are off by 2⁻⁴³ at most, so that at worst one in 2¹⁸ is rounded otherwise, and one ray in 2¹⁵ has
+/// such a one among its eight; more come from components near 0.
+const LEFT_OUT: f64 = 1.0 / 256.0;
+
+/// A scene, a camera, and the rays that a device is to make.
+#[derive(Debug)]
+pub struct Trial {
+    scene: Scene,
+    rays: CameraRays,
+    camera: KernelCamera,
+}
+
+/// What a device must pass: cameras near and far, along an axis and across, wide and narrow, with one ray for each pixel
+/// and with several.
+#[must_use]
+pub fn trials() -> Vec<Trial> {
+    let oblique = ([3.1, 1.7, -2.3], [0.2, 0.4, 0.1]);
+    let along = ([0.5, 0.25, 4.0], [0.5, 0.25, 0.0]);
+    let far = ([2e5, 1e4, -3e5], [1.0, 0.0, 0.0]);
+    [
+        (1.0, oblique, 50.0, SIZE, 1),
+        (1.0, along, 40.0, SIZE, 3),
+        (3e6, oblique, 170.0, SIZE, 2),
+        (0.004, far, 0.001, SIZE, 5),
+        (1.0, oblique, 90.0, [640, 6], 4),
+    ]
+    .into_iter()
+    .filter_map(|(scale, (eye, target), fov, size, samples)| Trial::new(scale, [eye, target], fov, size, samples))
+    .collect()
+}
+
+impl Trial {
+    fn new(scale: f32, [eye, target]: [[f32; 3]; 2], fov: f32, size: [u32; 2], samples: u32) -> Option<Self> {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]].map(|p| glam::Vec3::from(p) * scale);
+        let scene = build(Mesh { positions: &corners, indices: &[[0, 1, 2]] }, &BuildOptions::default()).ok()?.scene;
+        let [eye, target] = [eye, target].map(|p| glam::Vec3::from(p) * scale);
+        let camera = Camera::look_at(eye, target, glam::Vec3::Y, fov).ok()?;
+        let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
+        let rays = CameraRays { camera, size, pixels, samples, seed: 0x9e37_79b9 };
+        let camera = Offload::new(&scene).camera(&rays)?;
+        Some(Self { scene, rays, camera })
+    }
+
+    /// What the kernel [`rt_shaders::Purpose::Camera`] is given at binding 5, and at binding 4. The first pixel's first
+    /// sample is left out, for a stream's second window.
+    #[must_use]
+    pub fn input(&self) -> (KernelCamera, &[u32]) {
+        self.camera.part(&self.rays, 1, self.rays.len() - 1)
+    }
+
+    /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
+    /// passes. `made` is what it wrote to binding 6.
+    #[must_use]
+    pub fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
+        let expected = (1..self.rays.len()).map(|i| Offload::new(&self.scene).prepare(&self.rays.ray(i), u32::MAX));
+        if made.len() != self.rays.len() as usize - 1 {
+            return Some(format!("it makes {} rays of {}", made.len(), self.rays.len() - 1));
+        }
+        let mut left = 0;
+        for (i, (expected, made)) in expected.zip(made).enumerate() {
+            if made.kind == KernelRay::HOST {
+                left += 1;
+            } else if bytemuck::bytes_of(&expected) != bytemuck::bytes_of(made) {
+                return Some(format!("of {:?} it makes ray {} as {made:?}, not {expected:?}", self.rays.camera, i + 1));
+            }
+        }
+        let share = f64::from(left) / made.len() as f64;
+        (share > LEFT_OUT).then(|| format!("it leaves {left} of {} rays to the host", made.len()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a device with IEEE division would make. Fails when a trial compares nothing.
+    #[test]
+    fn trials_tell_the_right_rays_from_wrong_ones() {
+        let trials = trials();
+        assert_eq!(trials.len(), 5, "every trial is one that the host would not keep to itself");
+        for trial in trials {
+            let offload = Offload::new(&trial.scene);
+            let mut rays: Vec<_> =
+                (1..trial.rays.len()).map(|i| offload.prepare(&trial.rays.ray(i), u32::MAX)).collect();
+            assert!(rays.iter().all(|ray| ray.kind < KernelRay::MISS));
+            assert_eq!(trial.first_fault(&rays), None);
+            assert!(trial.first_fault(&rays[1..]).is_some());
+            let right = rays[7];
+            rays[7].reciprocal.y = right.reciprocal.y.next_up();
+            assert!(trial.first_fault(&rays).is_some_and(|fault| fault.contains("ray 8")));
+            rays[7].kind = KernelRay::HOST;
+            assert_eq!(trial.first_fault(&rays), None);
+            rays.iter_mut().step_by(100).for_each(|ray| ray.kind = KernelRay::HOST);
+            assert!(trial.first_fault(&rays).is_some());
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Sampled counts, task by task, and what they say of their own error.
+
+use crate::sample::{Fraction, RaySampler};
+use alloc::vec::Vec;
+use rt_core::{Observation, RayStream, Task, TestCounts, Work};
+
+/// The rays that an estimator has asked for and waits for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Asked {
+    total: usize,
+    tasks: usize,
+}
+
+impl Asked {
+    /// Chooses `fraction` of each of the `blocks`, which cover the rays of a stream in order. In increasing order.
+    pub(super) fn choose(
+        &mut self,
+        stream: RayStream<'_>,
+        blocks: impl Iterator<Item = Task>,
+        fraction: Fraction,
+    ) -> Vec<u32> {
+        let sampler = RaySampler::for_kind(stream.kind);
+        let mut rays = Vec::with_capacity(fraction.of(stream.rays()) as usize + stream.tasks.len());
+        blocks.for_each(|block| {
+            sampler.sample(block, fraction, stream.seed, &mut rays);
+        });
+        (self.total, self.tasks) = (rays.len(), stream.tasks.len());
+        rays
+    }
+
+    /// Whether `seen` answers what was asked; then nothing is asked for any more. Anything else begins a new stream.
+    pub(super) fn is_answered(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> bool {
+        let answered = !seen.counts.is_empty()
+            && (seen.counts.len(), seen.rays.len(), stream.tasks.len()) == (self.total, self.total, self.tasks);
+        if answered {
+            *self = Self::default();
+        }
+        answered
+    }
+}
+
+/// A stream's samples, in increasing order of their rays.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Batch<'a> {
+    pub(super) stream: RayStream<'a>,
+    pub(super) seen: Observation<'a>,
+}
+
+impl<'a> Batch<'a> {
+    /// Each task with its samples: their rays and counts.
+    pub(super) fn tasks(&self) -> impl Iterator<Item = (Task, &'a [u32], &'a [TestCounts])> + use<'a> {
+        let Observation { mut rays, mut counts } = self.seen;
+        self.stream.tasks.iter().map(move |task| {
+            let own = rays.iter().take_while(|&&ray| ray < task.range().end).count();
+            let (own_rays, other_rays) = rays.split_at(own);
+            let (own_counts, other_counts) = counts.split_at(own);
+            (rays, counts) = (other_rays, other_counts);
+            (*task, own_rays, own_counts)
+        })
+    }
+
+    /// Each task's samples scaled to all its rays, with their standard error.
+    pub(super) fn extrapolated(&self) -> Vec<Work> {
+        let sampler = RaySampler::for_kind(self.stream.kind);
+        let pool = Pool::new(self.seen.counts);
+        let mut at = 0;
+        let work = self.tasks().map(|(task, _, sample)| {
+            let own = at..at + sample.len();
+            at = own.end;
+            let work = scaled_up(sample, task.rays);
+            match pool.variance(own, sample, sampler, BORROWED) {
+                _ if sample.len() >= task.rays as usize => work.with_std_error(0.0),
+                Some(variance) => work.with_std_error(std_error(variance, sample.len(), task.rays) as f32),
+                None => work,
+            }
+        });
+        work.collect()
+    }
+}
+
+/// Box and triangle tests together.
+pub(super) fn tests(counts: &TestCounts) -> f64 {
+    f64::from(counts.boxes) + f64::from(counts.triangles)
+}
+
+/// The work of `rays` rays when the sample stands for all of them.
+pub(super) fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
+    let scale = f64::from(rays) / sample.len().max(1) as f64;
+    let sum = |of: fn(&TestCounts) -> u32| sample.iter().map(|c| u64::from(of(c))).sum::<u64>() as f64;
+    Work::new(rays as f32, (sum(|c| c.boxes) * scale) as f32, (sum(|c| c.triangles) * scale) as f32)
+}
+
+/// Standard error of the total of `rays` rays from a sample of which `samples` were drawn, with the finite population
+/// correction (W. Cochran, *Sampling Techniques*, 1977, 2.6).
+pub(super) fn std_error(variance: f64, samples: usize, rays: u32) -> f64 {
+    let (n, all) = (samples as f64, f64::from(rays));
+    if samples == 0 { f64::NAN } else { all * libm::sqrt((1.0 - n / all).max(0.0) * variance / n) }
+}
+
+/// Sum of squared deviations of a sample, as many as one less than samples.
+fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
+    let n = sample.len().max(1) as f64;
+    match sampler {
+        RaySampler::Random => {
+            let mean = sample.iter().map(tests).sum::<f64>() / n;
+            sample.iter().map(|c| (tests(c) - mean) * (tests(c) - mean)).sum::<f64>()
+        }
+        // K. Wolter, 1984, estimator 2: successive differences.
+        RaySampler::Strided => {
+            let steps = sample.windows(2).map(|pair| tests(&pair[1]) - tests(&pair[0]));
+            steps.map(|d| d * d).sum::<f64>() / 2.0
+        }
+    }
+}
+
+/// What samples borrow from their neighbourhood: the variance of a ray from successive differences of samples around
+/// them in the stream's order.
+///
+/// A sample that met no rare dear ray claims to be certain, and few samples know nothing of their variance; their
+/// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
+/// within one, which errs on the safe side.
+#[derive(Clone, Debug)]
+pub(super) struct Pool {
+    /// Sums of squared differences before each sample; the first is of none.
+    sums: Vec<f64>,
+}
+
+/// Samples a pool looks at around a task: its own neighbours, and enough for a variance.
+const WINDOW: usize = 32;
+
+/// Fewest differences that make a variance.
+const LEAST_WINDOW: usize = 8;
+
+/// How many deviations the neighbourhood counts for in standard errors, beside a task's own.
+const BORROWED: f64 = 8.0;
+
+/// Degrees of freedom of a pooled variance: successive differences overlap, so 32 of them are worth some two thirds.
+const POOLED_FREEDOM: f64 = 21.0;
+
+/// Degrees of freedom of [`Pool::variance`] for so many samples (F. Satterthwaite, *An Approximate Distribution of
+/// Estimates of Variance Components*, 1946).
+pub(super) fn freedom(samples: u32) -> f64 {
+    let own = f64::from(samples.saturating_sub(1));
+    let all = own + BORROWED;
+    all * all / (own + BORROWED * BORROWED / POOLED_FREEDOM)
+}
+
+impl Pool {
+    pub(super) fn new(counts: &[TestCounts]) -> Self {
+        let mut sum = 0.0;
+        let mut last = counts.first();
+        let step = |next| {
+            let difference = last.replace(next).map_or(0.0, |last| tests(next) - tests(last));
+            sum += difference * difference;
+            sum
+        };
+        Self { sums: counts.iter().map(step).collect() }
+    }
+
+    /// Variance of the tests of one ray of the task whose samples are `own` of all; `None` where the whole stream has too
+    /// few. The neighbourhood counts for `borrowed` deviations, more than none.
+    pub(super) fn variance(
+        &self,
+        own: core::ops::Range<usize>,
+        sample: &[TestCounts],
+        sampler: RaySampler,
+        borrowed: f64,
+    ) -> Option<f64> {
+        let around = self.around(own)?;
+        let deviations = sample.len().saturating_sub(1) as f64;
+        Some((squares(sample, sampler) + borrowed * around) / (deviations + borrowed))
+    }
+
+    fn around(&self, own: core::ops::Range<usize>) -> Option<f64> {
+        let count = self.sums.len();
+        if count <= LEAST_WINDOW {
+            return None;
+        }
+        let window = WINDOW.min(count - 1);
+        let middle = (own.start + own.end) / 2;
+        let first = middle.saturating_sub(window / 2).min(count - 1 - window);
+        Some((self.sums[first + window] - self.sums[first]) / (2.0 * window as f64))
+    }
+}

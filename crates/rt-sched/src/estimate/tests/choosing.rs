@@ -1,0 +1,162 @@
+//! How much to sample, and whom to believe.
+
+use super::*;
+use crate::policy::{Lpt, Policy};
+use crate::queue::StaticQueue;
+use crate::simulate::Simulation;
+use rt_core::StreamRecord;
+
+/// A stream of 256 tasks, most of which cost little and alike; a tenth of it is dear and noisy.
+fn patchy(ray: u32) -> TestCounts {
+    let task = ray / 1_024;
+    let [a, b] = random::pair(31, ray, 0);
+    let tests = if task % 10 == 3 { 40.0 + 700.0 * a * b } else { 30.0 + 4.0 * a };
+    TestCounts { boxes: tests as u32, triangles: 2 }
+}
+
+/// Tests on the latest of `devices` devices, sampling included, where a walked ray costs `price` times a traced one.
+fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u32) -> f64 {
+    let tasks = tasks_of(256 * 1_024, 1_024);
+    let stream = RayStream { devices, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
+    let (work, walked) = estimate(estimator, stream, &patchy);
+    estimator.finish(&StreamRecord {
+        stream,
+        walked_rays: walked as u64,
+        walk_s: walked as f64 * price,
+        traced_rays: u64::from(stream.rays()),
+        trace_s: f64::from(stream.rays()),
+    });
+    let truths: Vec<f64> = tasks.iter().map(|&task| truth(task, &patchy)).collect();
+    let models = vec![CostModel::UNIT; devices as usize];
+    let queue = StaticQueue::new(&Lpt.schedule(&work, &models));
+    let simulation = Simulation { launch_s: 0.0, pop_s: 0.0, ..Simulation::default() };
+    let run = simulation.run(&queue, devices as usize, &|_, task| truths[task as usize]);
+    let of_ray = truths.iter().sum::<f64>() / f64::from(stream.rays());
+    run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
+}
+
+/// On the simulator, sampling as long as it pays comes within 1.5% of the best fixed fraction, whatever a walk costs, and no
+/// fixed fraction does so for every price.
+///
+/// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
+#[test]
+fn adaptive_samples_are_worth_their_price() {
+    let seeds = [1, 2, 3, 4, 5, 6];
+    let mean = |make: &dyn Fn() -> Box<dyn CostEstimator>, devices, price| {
+        let one = |&seed: &u32| {
+            let mut estimator = make();
+            // The first stream teaches the price.
+            makespan(&mut *estimator, devices, price, seed + 100);
+            makespan(&mut *estimator, devices, price, seed)
+        };
+        seeds.iter().map(one).sum::<f64>() / seeds.len() as f64
+    };
+    let mut worst_fixed = [0.0_f64; 4];
+    for (devices, price) in [(4, 1.1), (4, 3.0), (16, 1.1), (16, 6.0)] {
+        let adaptive = mean(&|| Box::new(Adaptive::default()), devices, price);
+        let fixed = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0].map(|f| {
+            let fraction = Fraction::new(f).expect("valid");
+            mean(&|| Box::new(Sampled::new(Walk::Full, fraction)), devices, price)
+        });
+        let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
+        assert!(adaptive < 1.015 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
+        for (worst, own) in worst_fixed.iter_mut().zip(fixed) {
+            *worst = worst.max(own / best);
+        }
+    }
+    assert!(worst_fixed.iter().all(|worst| *worst > 1.015), "{worst_fixed:?}");
+}
+
+/// Samples go where intervals are wide, and nowhere when there is nothing to balance.
+///
+/// Mutants: an allocation in proportion to the tasks' rays; `late` of one device that is not 0.
+#[test]
+fn adaptive_samples_go_where_they_are_needed() {
+    let tasks = tasks_of(256 * 1_024, 1_024);
+    let walked_in = |devices: u32| {
+        let stream = RayStream { devices, ..super::stream(StreamKind::Diffuse(0), &tasks, 9) };
+        let mut walked = vec![0_u32; tasks.len()];
+        let mut estimator = Adaptive::default();
+        let (mut rays, mut counts) = (Vec::new(), Vec::new());
+        loop {
+            match estimator.next(stream, Observation { rays: &rays, counts: &counts }) {
+                Step::Done(work) => return (walked, work),
+                Step::Sample { rays: asked, .. } => {
+                    asked.iter().for_each(|ray| walked[*ray as usize / 1_024] += 1);
+                    counts = asked.iter().map(|&ray| patchy(ray)).collect();
+                    rays = asked;
+                }
+            }
+        }
+    };
+    let (walked, work) = walked_in(16);
+    let mean = |noisy: bool| {
+        let own: Vec<u32> = (0..256).filter(|t| (t % 10 == 3) == noisy).map(|t| walked[t]).collect();
+        f64::from(own.iter().sum::<u32>()) / own.len() as f64
+    };
+    assert!(mean(true) > 4.0 * mean(false), "{} {}", mean(true), mean(false));
+    assert!(work.iter().all(|w| w.std_error().is_some()));
+    assert_eq!(walked_in(1).0, [4; 256]);
+}
+
+/// A launch of all tasks that took what their exact tests say, and the end of the stream.
+fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u32) -> TestCounts, walked: usize) {
+    let outcome = |(id, task): (u32, &Task)| TaskOutcome {
+        task: id,
+        predicted_s: f64::from(work[id as usize].tests()),
+        measured_s: truth(*task, counts),
+    };
+    let outcomes: Vec<TaskOutcome> = (0..).zip(stream.tasks).map(outcome).collect();
+    auto.learn(&LaunchRecord { stream, work, device: 0, outcomes: &outcomes, per_task: true });
+    let trace_s = f64::from(stream.rays());
+    let walk_s = 2.0 * walked as f64;
+    auto.finish(&StreamRecord {
+        stream,
+        walked_rays: walked as u64,
+        walk_s,
+        traced_rays: stream.rays().into(),
+        trace_s,
+    });
+}
+
+/// Mutants: errors that are not compared; the past that is never put to the test; a price that is not learned.
+#[test]
+fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
+    let tasks = tasks_of(64 * 256, 256);
+    let mut auto = Auto::default();
+    let mut walks = Vec::new();
+    for seed in 0..17 {
+        let stream = super::stream(StreamKind::Primary, &tasks, seed);
+        let (work, walked) = estimate(&mut auto, stream, &primary);
+        walks.push((auto.chosen(), walked));
+        run(&mut auto, stream, &work, &primary, walked);
+    }
+    // A price of 3 is assumed, and 2 measured.
+    assert_eq!(walks[0], ("exact", 64));
+    assert!((auto.fraction(StreamKind::Primary).value() - 0.005).abs() < 2e-3);
+    // Streams repeat exactly here: nothing predicts them better than the past.
+    assert_eq!(walks[3..7], [("history", 0); 4]);
+    assert!(walks[7].1 > 0 && walks[15].1 > 0, "every eighth stream is sampled");
+    // Another kind of stream has a past of its own.
+    let diffuse_stream = super::stream(StreamKind::Diffuse(0), &tasks, 1);
+    assert!(estimate(&mut auto, diffuse_stream, &diffuse).1 > 0);
+    assert_eq!(auto.name(), "auto");
+}
+
+/// A past that no longer holds is given up.
+#[test]
+fn auto_leaves_a_past_that_is_wrong() {
+    let tasks = tasks_of(64 * 1_024, 1_024);
+    let mut auto = Auto::default();
+    for seed in 0..12 {
+        // Every frame is dear elsewhere.
+        let counts = |ray: u32| TestCounts {
+            boxes: (60.0 + 50.0 * libm::sinf((ray + 7_919 * seed) as f32 / 5_000.0)) as u32,
+            triangles: 4,
+        };
+        let stream = super::stream(StreamKind::Primary, &tasks, seed);
+        let (work, walked) = estimate(&mut auto, stream, &counts);
+        assert!(seed < 2 || walked > 0, "frame {seed}");
+        run(&mut auto, stream, &work, &counts, walked);
+    }
+}
