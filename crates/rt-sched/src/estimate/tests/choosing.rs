@@ -119,7 +119,7 @@ fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u3
     });
 }
 
-/// Mutants: errors that are not compared; the past that is never put to the test; a price that is not learned.
+/// Mutants: a past that is never believed; a past that is never put to the test; a price that is not learned.
 #[test]
 fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     let tasks = tasks_of(64 * 256, 256);
@@ -157,6 +157,25 @@ fn auto_leaves_a_past_that_is_wrong() {
         let stream = super::stream(StreamKind::Primary, &tasks, seed);
         let (work, walked) = estimate(&mut auto, stream, &counts);
         assert!(seed < 2 || walked > 0, "frame {seed}");
+        run(&mut auto, stream, &work, &counts, walked);
+    }
+}
+
+/// What predicted measured seconds best makes the next estimate.
+///
+/// Mutants: the worst instead of the best in `Auto::best`; errors of the chosen arm only.
+#[test]
+fn auto_believes_the_map_where_it_predicts_better() {
+    let source = super::learned::bounced(4);
+    let counts = |ray| super::learned::cost(&source, ray);
+    let tasks = tasks_of(source.len(), 256);
+    let mut auto = Auto::default();
+    for seed in 0..4 {
+        // Every stream is another part of the picture, so none has a past.
+        let stream =
+            RayStream { source: Some(&source), part: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
+        let (work, walked) = estimate(&mut auto, stream, &counts);
+        assert_eq!(auto.chosen(), "field", "stream {seed}");
         run(&mut auto, stream, &work, &counts, walked);
     }
 }

@@ -5,7 +5,7 @@ use glam::Vec3;
 use rt_core::{Ray, RaySource};
 
 /// Rays that start on a square, in Z-curve order of a 128 × 128 grid with `per_cell` rays each, in random directions.
-fn bounced(per_cell: u32) -> RaySource {
+pub(super) fn bounced(per_cell: u32) -> RaySource {
     let ray = |i: u32| {
         let (x, y) = rt_core::morton::decode(i / per_cell);
         let [a, b] = random::pair(21, i, 0);
@@ -17,7 +17,7 @@ fn bounced(per_cell: u32) -> RaySource {
 }
 
 /// Dear where the square is cluttered, and in directions that look towards the clutter; noisy.
-fn cost(source: &RaySource, ray: u32) -> TestCounts {
+pub(super) fn cost(source: &RaySource, ray: u32) -> TestCounts {
     let (r, _) = source.ray(ray);
     let place = 40.0 * libm::sinf(r.origin.x / 20.0) * libm::sinf(r.origin.y / 14.0);
     let looks = 30.0 * r.direction.normalize().x;
