@@ -1,4 +1,4 @@
-//! Statistics of rates and of repeated timings: no distribution is assumed of times, and none but the binomial of rates.
+//! Statistics of rates and of errors: no distribution is assumed but the binomial of rates.
 
 use statrs::function::beta::checked_beta_reg;
 
@@ -76,58 +76,6 @@ pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     Some(if part == 0.0 { sorted[below] } else { sorted[below] + (above - sorted[below]) * part })
 }
 
-/// The middle value, or the mean of the two in the middle; `None` without values.
-#[must_use]
-pub fn median(values: &[f64]) -> Option<f64> {
-    quantile(values, 0.5)
-}
-
-/// A median and an interval that holds the true median of the distribution the values come from.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct MedianInterval {
-    /// The middle value.
-    pub median: f64,
-    /// Lower end: one of the values.
-    pub low: f64,
-    /// Upper end: one of the values.
-    pub high: f64,
-    /// Probability that the interval holds the true median; below 0.95 where there are fewer than six values.
-    pub confidence: f64,
-}
-
-/// The narrowest symmetric interval between two of the values that holds the true median with a probability of at least
-/// 95%, whatever their distribution; from least to greatest where there are too few. `None` without values.
-///
-/// W. R. Thompson, *On Confidence Ranges for the Median* (1936): a value is below the median with probability ½, so the
-/// number of those that are is binomial.
-#[must_use]
-pub fn median_interval(values: &[f64]) -> Option<MedianInterval> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let n = sorted.len();
-    let median = median(&sorted)?;
-    // Probability that at most `cut` of n values are below the median, in both tails; grows with the cut.
-    let (mut cut, mut tails) = (0, 2.0 * 0.5_f64.powi(n as i32));
-    let mut term = tails;
-    while cut + 1 < n / 2 {
-        term *= (n - cut) as f64 / (cut + 1) as f64;
-        if tails + term > ALPHA {
-            break;
-        }
-        tails += term;
-        cut += 1;
-    }
-    Some(MedianInterval { median, low: sorted[cut], high: sorted[n - 1 - cut], confidence: (1.0 - tails).max(0.0) })
-}
-
-/// [`median_interval`] of `above[i] / below[i]`: measurements made one right after the other, so that a machine whose speed
-/// drifts compares neighbours in time. Of lists that differ in length the shorter one counts.
-#[must_use]
-pub fn paired_ratio(above: &[f64], below: &[f64]) -> Option<MedianInterval> {
-    let ratios: Vec<f64> = above.iter().zip(below).map(|(a, b)| a / b).collect();
-    median_interval(&ratios)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -167,24 +115,8 @@ mod tests {
     #[test]
     fn quantiles_lie_between_their_neighbours() {
         assert_eq!(quantile(&[3.0, 1.0, 2.0], 0.5), Some(2.0));
-        assert_eq!(median(&[4.0, 1.0]), Some(2.5));
         assert_eq!(quantile(&[1.0, 2.0, 3.0, 4.0, 5.0], 0.99), Some(4.96));
         assert_eq!(quantile(&[1.0, f64::INFINITY], 1.0), Some(f64::INFINITY));
-        assert_eq!((quantile(&[], 0.5), median_interval(&[])), (None, None));
-    }
-
-    // Ranks of the usual tables: 1 and 6 of 6 (96.9%), 10 and 21 of 30 (95.7%).
-    #[test]
-    fn intervals_of_medians_have_the_ranks_of_the_tables() {
-        let values = |n: u32| (1..=n).map(f64::from).collect::<Vec<_>>();
-        for (n, low, high, confidence) in
-            [(1, 1.0, 1.0, 0.0), (5, 1.0, 5.0, 0.9375), (6, 1.0, 6.0, 0.968_75), (30, 10.0, 21.0, 0.957_2)]
-        {
-            let interval = median_interval(&values(n)).expect("values");
-            assert_eq!((interval.low, interval.high), (low, high), "{n}: {interval:?}");
-            assert!((interval.confidence - confidence).abs() < 1e-3, "{n}: {interval:?}");
-        }
-        let ratio = paired_ratio(&[2.0, 4.0, 6.0], &[1.0, 2.0, 3.0, 9.0]).expect("values");
-        assert_eq!((ratio.low, ratio.median, ratio.high), (2.0, 2.0, 2.0));
+        assert_eq!(quantile(&[], 0.5), None);
     }
 }

@@ -8,10 +8,10 @@ use crate::scene_source::{Prepared, prepare};
 use crate::table::{Table, grouped, seconds};
 use crate::{devices, interrupt, output, progress};
 use anyhow::{Context, Result, bail};
+use rt_balance::stats::Summary;
 use rt_core::{Device, Hit, Launch, Precision, Ray, RaySource, Scene, StreamSpec, Task, Tracer, tasks_of};
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
-use rt_verify::stats::{MedianInterval, median_interval, paired_ratio};
 use serde::Serialize;
 use std::io::Write;
 use std::sync::Arc;
@@ -52,9 +52,9 @@ struct Row {
     rays: &'static str,
     precision: &'static str,
     /// Million rays per second.
-    mray_s: MedianInterval,
+    mray_s: Summary,
     /// Seconds over those of `fast`, run by run.
-    time_over_fast: MedianInterval,
+    time_over_fast: Summary,
     /// Compared with double precision, every ray.
     accuracy: Accuracy,
     /// Compared with the exact reference, some rays.
@@ -147,7 +147,7 @@ impl Bench {
                 let from = rows.len() - PRECISIONS.len();
                 let base = rows[from].seconds.clone();
                 for row in &mut rows[from..] {
-                    row.time_over_fast = paired_ratio(&row.seconds, &base).context("no run was timed")?;
+                    row.time_over_fast = Summary::of_ratios(&row.seconds, &base);
                 }
             }
         }
@@ -201,9 +201,9 @@ impl Bench {
             backend: device.info().backend,
             rays: kind.name,
             precision: precision.name(),
-            mray_s: median_interval(&speeds).context("no run was timed")?,
+            mray_s: Summary::new(&speeds),
             // Known when all three are.
-            time_over_fast: MedianInterval { median: 1.0, low: 1.0, high: 1.0, confidence: 1.0 },
+            time_over_fast: Summary::new(&[]),
             accuracy,
             exact: accuracy::sample(triangles, &rays, &hits, kind.query),
             seconds: timed.seconds.clone(),
@@ -244,7 +244,7 @@ fn write_csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
     let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
     for row in rows {
         let a = &row.accuracy;
-        let interval = |m: &MedianInterval| format!("{:.6},{:.6},{:.6}", m.median, m.low, m.high);
+        let interval = |m: &Summary| format!("{:.6},{:.6},{:.6}", m.median, m.low, m.high);
         let ulp = a.t_ulp.map_or_else(|| ",,".to_owned(), |u| format!("{:.3},{:.3},{:.3}", u.p50, u.p99, u.max));
         let [low, high] = a.false_misses.bounds_ppm;
         writeln!(
