@@ -20,7 +20,7 @@ use rt_core::{
 /// * After a stream each of them, used or not, is compared with the measured seconds of its tasks, device by device. The
 ///   one with the least mean error, over the streams of its kind with later ones counting more, makes the next estimate.
 ///   Once the past does, nothing is sampled, except in every eighth stream, to see whether that is still right.
-/// * Before anything was measured, the map where tasks have fewer than [`OWN_SAMPLES`] samples or rays are incoherent, and
+/// * Before anything was measured, the map where tasks have fewer than eight samples or rays are incoherent, and
 ///   their own samples elsewhere.
 ///
 /// Nothing in it depends on which scene is traced.

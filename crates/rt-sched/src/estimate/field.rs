@@ -12,7 +12,7 @@ use rt_core::{
 ///
 /// A task of few rays has one sample or none, and diffuse rays from one spot differ much: there the samples of
 /// neighbours and of earlier streams say more than the task's own. The map is a hierarchy of cells of position and
-/// direction that keep means of residuals (see [`CostField`]). A task's estimate is what the map says of some of its rays
+/// direction that keep means of residuals. A task's estimate is what the map says of some of its rays
 /// plus its own samples' mean residual, believed as far as tasks differ from the map at all: the empirical best linear
 /// predictor of small area estimation (R. Fay and R. Herriot, *Estimates of Income for Small Places*, 1979), over a
 /// regression estimator with two-phase sampling (W. Cochran, *Sampling Techniques*, 1977, 12.6). Its standard error is
