@@ -13,7 +13,24 @@ type Outcome = Result<(), Failed>;
 
 /// What writes a page: the command's arguments without `--out`.
 const PAGES: [(&str, &[&str]); 3] = [
-    ("render", &["render", "car", "--size", "64x40", "--spp", "1", "--devices", "cpu:1"]),
+    // Enough samples of each task for a standard error.
+    (
+        "render",
+        &[
+            "render",
+            "car",
+            "--size",
+            "64x40",
+            "--spp",
+            "1",
+            "--devices",
+            "cpu:1",
+            "--estimator",
+            "exact",
+            "--fraction",
+            "1/8",
+        ],
+    ),
     ("figure1", &["figure1", "car", "--size", "48x32", "--repeat", "2", "--task-sizes", "64,256", "--replay", "3"]),
     ("tradeoff", &["tradeoff", "car", "--quick", "--size", "24x16", "--repeat", "1"]),
 ];

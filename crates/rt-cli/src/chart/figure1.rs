@@ -236,12 +236,14 @@ mod tests {
         }
     }
 
-    /// The y coordinates, in units of an eighth of a pixel, of the rectangles of a colour.
-    fn tops(svg: &str, color: Rgb) -> Vec<i32> {
+    /// Upper and lower ends, in units of an eighth of a pixel, of the rectangles of a colour.
+    fn ends(svg: &str, color: Rgb) -> Vec<[i32; 2]> {
         let color = format!("#{:02X}{:02X}{:02X}", color[0], color[1], color[2]);
         let rectangles = svg.lines().filter(|line| line.contains("<rect") && line.contains(&color));
-        let y = |line: &str| Some(line.split(" y=\"").nth(1)?.split('"').next()?.parse().unwrap());
-        rectangles.filter_map(y).collect()
+        let field = |line: &str, name: &str| -> i32 {
+            line.split(&format!(" {name}=\"")).nth(1).unwrap().split('"').next().unwrap().parse().unwrap()
+        };
+        rectangles.map(|line| [field(line, "y"), field(line, "y") + field(line, "height")]).collect()
     }
 
     // Mutants: the estimation drawn from the ground; `y` not scaled by the longest bar.
@@ -251,10 +253,11 @@ mod tests {
         let figure = Figure { title: String::new(), notes: Vec::new(), panels: vec![panel] };
         let svg = to_svg(&figure).unwrap();
         // The first of each colour is the legend's.
-        let (trace, total) = (tops(&svg, ORANGE)[1], tops(&svg, ESTIMATION)[1]);
+        let ([trace, _], [total, foot]) = (ends(&svg, ORANGE)[1], ends(&svg, ESTIMATION)[1]);
+        assert_eq!(foot, trace);
         let per_second = PLOT * 8.0 / (2.2 * 1.04);
         assert!((f64::from(trace - total) - 0.05 * per_second).abs() <= 1.0, "{trace} {total}");
-        let blocks = tops(&svg, BLOCKS)[1];
+        let [blocks, _] = ends(&svg, BLOCKS)[1];
         assert!((f64::from(trace - blocks) - 0.95 * per_second).abs() <= 1.0, "{trace} {blocks}");
     }
 
