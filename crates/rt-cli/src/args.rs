@@ -1,7 +1,10 @@
 //! The command line.
 
+mod parse;
+
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
+use parse::{parse_bytes, parse_fraction, parse_share, parse_size, parse_vec3};
 use rt_bvh::Builder;
 use rt_core::Precision;
 use std::path::PathBuf;
@@ -459,54 +462,6 @@ pub(crate) enum QueueArg {
     Hybrid,
 }
 
-fn parse_fraction(text: &str) -> Result<f64, String> {
-    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));
-    let value = match text.split_once('/') {
-        Some((over, under)) => number(over)? / number(under)?,
-        None => number(text)?,
-    };
-    if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
-}
-
-fn parse_share(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
-    }
-}
-
-fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("write it as WIDTHxHEIGHT, such as 960x600")?;
-    let side = |s: &str| match s.trim().parse::<u32>() {
-        Ok(n @ 1..=65_536) => Ok(n),
-        _ => Err(format!("`{s}` is not a whole number from 1 to 65536")),
-    };
-    Ok([side(width)?, side(height)?])
-}
-
-fn parse_vec3(text: &str) -> Result<Vec3, String> {
-    let parts: Result<Vec<f32>, _> = text.split(',').map(|s| s.trim().parse::<f32>()).collect();
-    match parts.as_deref() {
-        Ok(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(Vec3::new(x, y, z)),
-        _ => Err("write it as three finite numbers, such as 1,1.5,-4".to_owned()),
-    }
-}
-
-fn parse_bytes(text: &str) -> Result<u64, String> {
-    let (digits, factor) = match text.to_ascii_uppercase().strip_suffix(['K', 'M', 'G']) {
-        Some(digits) => {
-            let power = 1 + "KMG".find(text.to_ascii_uppercase().chars().next_back().unwrap_or('K')).unwrap_or(0);
-            (digits.to_owned(), 1024_u64.pow(power as u32))
-        }
-        None => (text.to_owned(), 1),
-    };
-    match digits.parse::<u64>().ok().and_then(|n| n.checked_mul(factor)) {
-        Some(bytes) if bytes >= 1 << 20 => Ok(bytes),
-        Some(_) => Err("at least 1M is needed".to_owned()),
-        None => Err("write it as a whole number with K, M or G, such as 512M".to_owned()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -516,17 +471,5 @@ mod tests {
     fn the_command_line_is_well_formed() {
         Cli::command().debug_assert();
         assert_eq!(RenderArgs::default().size, [960, 600]);
-    }
-
-    #[test]
-    fn values_are_parsed_or_explained() {
-        assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
-        assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
-        assert_eq!(parse_size("640x400"), Ok([640, 400]));
-        assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
-        assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
-        assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err());
-        assert_eq!(parse_bytes("2G"), Ok(2 << 30));
-        assert!(parse_bytes("1K").is_err() && parse_bytes("lots").is_err());
     }
 }
