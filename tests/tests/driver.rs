@@ -11,7 +11,7 @@ use rt_balance::{
     StreamKind, StreamSpec, TestCounts,
 };
 use rt_bvh::Builder;
-use rt_core::{ReducedWalk, Walk};
+use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Tracer, Walk};
 use rt_sched::sample::Fraction;
 use rt_tests::fake::{FakeDevice, Flaw};
 use rt_verify::rays::RayMaker;
@@ -281,4 +281,36 @@ fn nothing_to_trace_and_wrong_arguments_are_no_trouble() {
     let answer = balancer.trace(&gap, &mut Scheduling::default(), &mut hits, None, Control::default());
     assert!(matches!(answer, Err(BalanceError::Tasks { .. })), "{answer:?}");
     assert!(hits.iter().all(|hit| *hit == UNTOUCHED));
+}
+
+/// A device that takes no scene.
+#[derive(Debug)]
+struct Full(DeviceInfo);
+
+impl Device for Full {
+    fn info(&self) -> &DeviceInfo {
+        &self.0
+    }
+
+    fn tracer(&self, _: Arc<Scene>, _: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
+        Err(DeviceError::new(DeviceErrorKind::OutOfMemory, "the scene needs 9 bytes of 8"))
+    }
+}
+
+/// A device that cannot take the scene costs nothing but itself. Mutants: its error ends the call; it is given tasks.
+#[test]
+fn a_device_without_room_for_the_scene_is_left_out() {
+    let Fixture { scene, stream, hits, .. } = fixture();
+    let full = || -> Arc<dyn Device> { Arc::new(Full(honest().info().clone())) };
+    let error = Balancer::new(Arc::clone(scene), &[full(), full()]).expect_err("nobody takes it");
+    assert!(matches!(error, BalanceError::Open { .. }), "{error:?}");
+    let mut balancer = Balancer::new(Arc::clone(scene), &[full(), honest()]).expect("one takes it");
+    let mut found = vec![UNTOUCHED; stream.source.len() as usize];
+    let mut scheduling = Scheduling::default();
+    let mut counts = vec![TestCounts::default(); found.len()];
+    let answer = balancer.trace(stream, &mut scheduling, &mut found, Some(&mut counts), Control::default());
+    let devices = answer.expect("the other one does it").report.devices;
+    assert_eq!(devices[0].error.as_deref(), Some("the scene needs 9 bytes of 8"));
+    assert!(devices[0].tasks == 0 && devices[1].error.is_none());
+    assert_eq!(bytes(&found), bytes(hits));
 }

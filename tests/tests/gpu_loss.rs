@@ -7,6 +7,7 @@
 use backend_cpu::CpuDevice;
 use backend_vulkan::{GpuDevice, OpenError, Options, VulkanDevice};
 use backend_wgpu::WgpuDevice;
+use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_balance::estimators::{Sampled, Uniform};
 use rt_balance::middleware::{Fault, Faulty};
@@ -14,7 +15,7 @@ use rt_balance::report::StreamRun;
 use rt_balance::{BalanceError, Balancer, Control, CostEstimator, QueueKind, Scheduling, Stream};
 use rt_bvh::Builder;
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Launch, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, TestCounts, Walk,
+    Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, TestCounts, Walk,
 };
 use rt_gpu::Trouble;
 use rt_sched::sample::Fraction;
@@ -293,13 +294,19 @@ fn large_scene(backend: Backend, index: usize) -> Result<(), Failed> {
         return Err(format!("{:?}: {error}", error.kind()).into());
     }
     let devices = [vec![Arc::clone(&small)], backend.others(index)?].concat();
-    match Balancer::new(Arc::clone(scene), &devices) {
+    match Balancer::new(Arc::clone(scene), &devices[..1]) {
         Err(BalanceError::Open { device, source })
             if device == small.info().name && source.kind() == DeviceErrorKind::OutOfMemory => {}
         other => return Err(format!("{other:?}").into()),
     }
-    // The others go on without it, and it takes what fits.
-    Balancer::new(Arc::clone(scene), &devices[1..])?;
+    // The others do it without it, the report says why, and it takes what fits.
+    let mut balancer = Balancer::new(Arc::clone(scene), &devices)?;
+    let mut hits = [Hit::MISS; 64];
+    let run = balancer.trace_rays(&[Ray::new(Vec3::Y * 9.0, Vec3::NEG_Y); 64], &mut hits)?;
+    let reason = run.report.devices[0].error.as_deref().unwrap_or_default();
+    if !reason.contains("memory") || !hits[0].is_hit() {
+        return Err(format!("{reason:?}, {:?}", hits[0]).into());
+    }
     trace(&mut Balancer::new(Arc::clone(&fixture().scene), &devices)?, &mut scheduling(QueueKind::Static, LIMIT))?;
     Ok(())
 }

@@ -28,31 +28,39 @@ pub struct Balancer {
 }
 
 impl Balancer {
-    /// Brings `scene` to every device.
+    /// Brings `scene` to every device. One that cannot take it is left out of every stream, and reports say why.
     ///
     /// # Errors
-    /// When there is no device or one of them cannot take the scene.
+    /// When there is no device, or none of them can take the scene: then the first one's error.
     pub fn new(scene: Arc<Scene>, devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
         if devices.is_empty() {
             return Err(BalanceError::NoDevices);
         }
         let origin = clock::now();
-        let open = |device: &Arc<dyn Device>| {
-            let info = device.info().clone();
+        let mut refused = None;
+        let mut open = |device: &Arc<dyn Device>| {
+            let mut member = Member {
+                info: device.info().clone(),
+                tracer: None,
+                models: Models::default(),
+                failure: None,
+                buffers: Launch::default(),
+                before: Traffic::default(),
+            };
             match device.tracer(Arc::clone(&scene), clock::now) {
-                Ok(tracer) => Ok(Member {
-                    info,
-                    tracer: Some(tracer),
-                    models: Models::default(),
-                    failure: None,
-                    buffers: Launch::default(),
-                    before: Traffic::default(),
-                }),
-                Err(source) => Err(BalanceError::Open { device: info.name, source }),
+                Ok(tracer) => member.tracer = Some(tracer),
+                Err(source) => {
+                    member.fail(&source);
+                    refused.get_or_insert(BalanceError::Open { device: member.info.name.clone(), source });
+                }
             }
+            member
         };
-        let members = devices.iter().map(open).collect::<Result<_, _>>()?;
-        Ok(Self { scene, members, origin })
+        let members: Vec<Member> = devices.iter().map(&mut open).collect();
+        match refused {
+            Some(error) if members.iter().all(|member| member.tracer.is_none()) => Err(error),
+            _ => Ok(Self { scene, members, origin }),
+        }
     }
 
     /// Builds a tree over the caller's triangles with the default options and brings it to every device.
@@ -60,7 +68,7 @@ impl Balancer {
     /// A hit's `primitive` is a position in `indices`.
     ///
     /// # Errors
-    /// When an index or a coordinate is invalid, there is no device, or one of them cannot take the scene.
+    /// When an index or a coordinate is invalid, there is no device, or none of them can take the scene.
     pub fn for_mesh(
         positions: &[[f32; 3]],
         indices: &[[u32; 3]],
