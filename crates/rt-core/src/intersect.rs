@@ -38,6 +38,9 @@ pub struct Intersection {
     pub v: f64,
 }
 
+/// The least positive number in single precision.
+const LEAST: f32 = f32::from_bits(1);
+
 /// The axis of the largest component, and the two others in cyclic order before it: `[x, y, dominant]`.
 #[inline]
 #[must_use]
@@ -95,12 +98,16 @@ impl Shear {
 impl Intersection {
     /// Rounds to a [`Hit`], with `t` multiplied by `t_scale` first; `None` outside `tmin ≤ t ≤ tmax`.
     ///
-    /// The limits are compared with the rounded `t`, so that a caller's own comparison agrees with ours.
+    /// The limits are compared with the rounded `t`, so that a caller's own comparison agrees with ours. A distance too
+    /// small for single precision becomes the least number of its sign, not 0: a surface behind the origin stays there.
     #[inline]
     #[must_use]
     pub fn to_hit(&self, t_scale: f64, tmin: f32, tmax: f32, primitive: u32) -> Option<Hit> {
         // Adding zero turns −0 into +0.
-        let [t, u, v] = [self.t * t_scale, self.u, self.v].map(|x| x as f32 + 0.0);
+        let [mut t, u, v] = [self.t * t_scale, self.u, self.v].map(|x| x as f32 + 0.0);
+        if t == 0.0 && self.t != 0.0 {
+            t = if self.t > 0.0 { LEAST } else { -LEAST };
+        }
         (tmin <= t && t <= tmax && t.is_finite()).then_some(Hit { t, u, v, primitive })
     }
 }
@@ -149,5 +156,15 @@ mod tests {
             let h = hit(&scaled, &UNIT.scaled(s), 0).expect("scaled");
             assert_eq!((h.t, h.u, h.v), (base.t * s, base.u, base.v), "2^{exponent}");
         }
+    }
+
+    /// Fails when a distance that vanishes is rounded to 0, which every limit of 0 accepts.
+    #[test]
+    fn what_is_behind_stays_behind_at_any_scale() {
+        let at = |t: f64| Intersection { t, u: 0.2, v: 0.3 }.to_hit(2.0_f64.powi(-100), 0.0, 1.0, 7);
+        assert_eq!(at(-1e-20), None);
+        assert_eq!(at(1e-20).map(|hit| hit.t), Some(LEAST));
+        assert_eq!(at(0.0).map(|hit| hit.t.to_bits()), Some(0));
+        assert_eq!(at(-0.0).map(|hit| hit.t.to_bits()), Some(0));
     }
 }
