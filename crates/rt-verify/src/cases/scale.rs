@@ -83,7 +83,7 @@ pub(super) fn powers_of_two(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<()
             let bits = |h: &Hit, t: f32| [t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.primitive];
             // A distance that leaves the normal range has no bits to keep.
             let t = before.t * factor;
-            if before.is_hit() && !(t.is_normal() || t == 0.0) {
+            if before.is_hit() && before.t != 0.0 && !t.is_normal() {
                 continue;
             }
             tally.check(bits(hit, hit.t) == bits(before, t), || {
