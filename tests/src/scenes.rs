@@ -2,7 +2,7 @@
 
 use rt_core::Triangle;
 use rt_scene::obj::{LoadOptions, load_obj};
-use rt_scene::{Model, View};
+use rt_scene::{Model, View, view};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -50,25 +50,12 @@ pub fn find_in(folder: &Path) -> Result<Vec<RealScene>, String> {
         else {
             continue;
         };
-        let (name, view) = (name.to_owned(), cameras.lines().find_map(|line| view(line, name)));
+        let (name, file) = (name.to_owned(), format!("{name}.obj"));
+        let view = cameras.lines().find_map(|row| view::from_row(row, &file));
         scenes.push(RealScene { name, path, view });
     }
     scenes.sort_by(|a, b| a.name.cmp(&b.name));
     if scenes.is_empty() { Err(format!("{}: no .obj file in it", folder.display())) } else { Ok(scenes) }
-}
-
-/// A line `file eye target up fov`, separated by tabs, points by blanks, if it is about `name`.
-fn view(line: &str, name: &str) -> Option<View> {
-    let mut columns = line.split('\t');
-    if columns.next()?.strip_suffix(".obj")? != name {
-        return None;
-    }
-    let mut point = || {
-        let numbers: Vec<f32> = columns.next()?.split_whitespace().map_while(|n| n.parse().ok()).collect();
-        Some(glam::Vec3::from(<[f32; 3]>::try_from(numbers).ok()?))
-    };
-    let [eye, target, up] = [point()?, point()?, point()?];
-    Some(View { eye, target, up, fov_degrees: columns.next()?.trim().parse().ok()? })
 }
 
 impl RealScene {
@@ -92,13 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn cameras_are_read_and_bad_lines_are_not() {
-        let line = "a.obj\t1 2 3\t0 0 0\t0 1 0\t45";
-        let found = view(line, "a").expect("a camera");
-        assert_eq!((found.eye.z, found.fov_degrees), (3.0, 45.0));
-        for bad in ["# a.obj", "b.obj\t1 2 3\t0 0 0\t0 1 0\t45", "a.obj\t1 2\t0 0 0\t0 1 0\t45", "a.obj\t1 2 3", ""] {
-            assert_eq!(view(bad, "a"), None);
-        }
+    fn a_missing_folder_is_named() {
         assert!(find_in(Path::new("no such folder")).is_err_and(|e| e.contains("no such folder")));
     }
 }

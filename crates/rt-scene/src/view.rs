@@ -90,20 +90,28 @@ pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) 
     (count > CLEARLY_MORE * seen(outside)).then_some(best)
 }
 
-/// The view that the file `cameras.tsv` beside a scene's file gives for it, if there is one: a line of name, eye, target,
-/// up and vertical field of view in degrees, separated by tabs, and coordinates by blanks.
+/// The view that the file `cameras.tsv` beside a scene's file gives for it, if there is one: see [`from_row`].
 #[must_use]
 pub fn listed(path: &Path) -> Option<View> {
     let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
-    let name = path.file_name()?.to_str()?;
-    let line = table.lines().find(|line| line.split('\t').next() == Some(name))?;
-    let fields: Vec<&str> = line.split('\t').collect();
-    let vector = |text: &str| {
-        let parts: Vec<f32> = text.split_whitespace().filter_map(|x| x.parse().ok()).collect();
-        (parts.len() == 3).then(|| Vec3::from_slice(&parts))
+    let file = path.file_name()?.to_str()?;
+    table.lines().find_map(|row| from_row(row, file))
+}
+
+/// The view in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field of view in
+/// degrees, separated by tabs, and coordinates by blanks.
+#[must_use]
+pub fn from_row(row: &str, file: &str) -> Option<View> {
+    let fields: Vec<&str> = row.split('\t').collect();
+    let [name, eye, target, up, fov] = fields[..] else { return None };
+    if name != file {
+        return None;
+    }
+    let point = |text: &str| {
+        let numbers: Vec<f32> = text.split_whitespace().map_while(|n| n.parse().ok()).collect();
+        Some(Vec3::from(<[f32; 3]>::try_from(numbers).ok()?))
     };
-    let [_, eye, target, up, fov] = fields[..] else { return None };
-    Some(View { eye: vector(eye)?, target: vector(target)?, up: vector(up)?, fov_degrees: fov.trim().parse().ok()? })
+    Some(View { eye: point(eye)?, target: point(target)?, up: point(up)?, fov_degrees: fov.trim().parse().ok()? })
 }
 
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen
@@ -268,5 +276,15 @@ mod tests {
         assert!(orbit(&view, FRAC_PI_2).eye.abs_diff_eq(Vec3::new(4.0, 1.0, 0.0), 1e-6));
         assert!(orbit(&view, TAU).eye.abs_diff_eq(view.eye, 1e-6));
         assert_eq!(orbit(&View { up: Vec3::ZERO, ..view }, 1.0).eye, view.eye);
+    }
+
+    #[test]
+    fn cameras_are_read_and_bad_lines_are_not() {
+        let line = "a.obj\t1 2 3\t0 0 0\t0 1 0\t45";
+        let found = from_row(line, "a.obj").expect("a camera");
+        assert_eq!((found.eye.z, found.fov_degrees), (3.0, 45.0));
+        for bad in ["# a.obj", "b.obj\t1 2 3\t0 0 0\t0 1 0\t45", "a.obj\t1 2\t0 0 0\t0 1 0\t45", "a.obj\t1 2 3", ""] {
+            assert_eq!(from_row(bad, "a.obj"), None);
+        }
     }
 }

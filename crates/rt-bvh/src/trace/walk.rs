@@ -104,23 +104,27 @@ pub(super) fn each_in<'a, V, R, S>(
     S: FnMut(Hit, TestCounts),
 {
     stack.fit(scene);
-    let frame = Frame::of(scene);
+    let (frame, whole) = (Frame::of(scene), is_whole(nodes));
     for (ray, excluded) in rays {
         let Some(ray) = frame.localize(&ray) else {
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
         let mut visitor = V::begin(data, ray, excluded);
-        walk_nodes(nodes, stack, &mut visitor);
+        walk_nodes(nodes, whole, stack, &mut visitor);
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
     }
 }
 
-/// Walks one ray. The stack fits the tree.
+/// Whether the root has both children.
+pub(super) fn is_whole(nodes: &[Node]) -> bool {
+    (0..2).all(|side| nodes[0].child(side) != Child::Absent)
+}
+
+/// Walks one ray. The stack fits the tree; `whole` is what [`is_whole`] says of it, asked once for all rays.
 #[inline(always)]
-pub(super) fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], stack: &mut Stack, visitor: &mut V) {
-    let whole = (0..2).all(|side| nodes[0].child(side) != Child::Absent);
+pub(super) fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], whole: bool, stack: &mut Stack, visitor: &mut V) {
     let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], visitor) };
     if let Some(start) = start {
         // The visitor leaves the loop early when it knows the answer.

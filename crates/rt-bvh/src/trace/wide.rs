@@ -30,7 +30,7 @@
 
 use super::slabs::{Frame, LocalRay};
 use super::triangle::REACH;
-use super::walk::{Stack, Visitor, walk_nodes};
+use super::walk::{Stack, Visitor, is_whole, walk_nodes};
 use crate::wide::{WIDTH, WideNode, WideTree};
 use core::ops::ControlFlow;
 use glam::Vec3;
@@ -82,7 +82,7 @@ where
             // The visitor leaves the loop early when it knows the answer.
             let _ = walk(tree.nodes(), &mut stack.groups, &slabs, &mut visitor);
         } else {
-            walk_nodes(scene.nodes(), stack, &mut visitor);
+            walk_nodes(scene.nodes(), is_whole(scene.nodes()), stack, &mut visitor);
         }
         let (hit, counts) = visitor.finish();
         sink(hit, counts);
