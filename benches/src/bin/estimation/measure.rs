@@ -118,7 +118,7 @@ impl Case {
         let mut launch = Launch::default();
         let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
         result?;
-        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2 };
+        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;
         let (result, remaining) = timed(|| trace(tracer, tasks, walked.mask.as_ref(), &mut launch));
@@ -156,6 +156,7 @@ impl Case {
             stream,
             walked_rays: walked.rays.len() as u64,
             walk_s: walked.walk_s,
+            host_s: (walked.wall_s - walked.walk_s).max(0.0),
             traced_rays: u64::from(stream.rays()) - kept,
             trace_s: span.in_kernel.as_secs_f64(),
         });
@@ -168,6 +169,8 @@ struct Walked {
     rays: Vec<u32>,
     mask: Option<Arc<RayMask>>,
     walk_s: f64,
+    /// Wall seconds of all of it.
+    wall_s: f64,
 }
 
 fn trace(
@@ -190,9 +193,13 @@ fn walk(
     let (mut rays, mut counts, mut all) = (Vec::new(), Vec::new(), Vec::new());
     let mut kept: Option<RayMask> = None;
     let mut walk_s = 0.0;
+    let begin = Instant::now();
     loop {
         match estimator.next(stream, Observation { rays: &rays, counts: &counts }) {
-            Step::Done(work) => return Ok(Walked { work, rays: all, mask: kept.map(Arc::new), walk_s }),
+            Step::Done(work) => {
+                let wall_s = begin.elapsed().as_secs_f64();
+                return Ok(Walked { work, rays: all, mask: kept.map(Arc::new), walk_s, wall_s });
+            }
             Step::Sample { rays: asked, walk } => {
                 counts = vec![TestCounts::default(); asked.len()];
                 let full = walk == Walk::Full;

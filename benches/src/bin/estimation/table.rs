@@ -40,13 +40,13 @@ pub(crate) fn print(
     let of = |errors: &Option<EstimateErrors>| percent(errors.map(|e| e.mean_relative));
     println!(
         "{scene}, {kind}: {rays} rays, {} tasks of {size}; plain trace {:.3} s of processor time ({:.2} Mray/s); task time \
-         repeats to {}%; exact counts predict it to {}%, with a cache term to {}%\n",
+         repeats to {}%; exact counts predict it to {}%, with a price of divergence to {}%\n",
         tasks.len(),
         median(&plain),
         f64::from(rays) / median(&plain) / 1e6,
         of(&truth.repeatability),
         of(&truth.counts_as_time),
-        of(&truth.with_cache_term),
+        of(&truth.with_divergence),
     );
     println!(
         "| estimator | sampled % | price of a sample | net overhead % (min – max) | counts: mean % | weighted % | p95 % | \
@@ -110,7 +110,7 @@ pub(crate) fn json(
         "scene": scene, "kind": kind.to_string(), "rays": rays, "task_size": size,
         "repeatability": errors(&truth.repeatability),
         "exact_counts_as_time": errors(&truth.counts_as_time),
-        "exact_counts_and_cache_term_as_time": errors(&truth.with_cache_term),
+        "exact_counts_and_divergence_as_time": errors(&truth.with_divergence),
         "task_seconds": truth.seconds,
         "task_tests": truth.tests,
         "cases": cases.iter().zip(outcomes).map(case).collect::<Vec<_>>(),

@@ -197,7 +197,9 @@ impl Plan<'_> {
     fn scheduling(&self, config: &Config) -> Result<Scheduling> {
         let estimator = if config.cost_initialised { self.estimate.estimator()? } else { Box::new(Uniform) };
         let policy = config.policy.map(Dealt::policy);
-        Ok(Scheduling { estimator, policy, queue: config.queue, ..Scheduling::default() })
+        // The question is what an estimate gives, not whether it pays.
+        let blind_excess = Some(1.0);
+        Ok(Scheduling { estimator, policy, queue: config.queue, blind_excess, ..Scheduling::default() })
     }
 }
 
