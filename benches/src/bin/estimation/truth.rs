@@ -14,6 +14,8 @@ pub(crate) struct Truth {
     pub(crate) tests: Vec<f64>,
     /// Thread seconds of each task, alone in its launch: the median of the passes.
     pub(crate) seconds: Vec<f64>,
+    /// The same from the even passes alone, to which prices are fitted, and from the odd ones, which drive replays.
+    pub(crate) halves: [Vec<f64>; 2],
     /// Errors of the even passes' medians against the odd ones'.
     pub(crate) repeatability: Option<EstimateErrors>,
     /// Errors of exact counts with fitted prices against seconds: what no estimate of counts can undercut.
@@ -54,6 +56,7 @@ impl Truth {
         Ok(Self {
             tests: work.iter().map(|w| f64::from(w.tests())).collect(),
             repeatability: EstimateErrors::new(&half(0), &half(1)),
+            halves: [half(0), half(1)],
             counts_as_time: EstimateErrors::new(&cross_predicted(&alike, &seconds), &seconds),
             with_divergence: EstimateErrors::new(&cross_predicted(&work, &seconds), &seconds),
             seconds,

@@ -1,8 +1,9 @@
 //! The measurements: every configuration in turn, round after round.
 
 use crate::args::EstimateArgs;
-use crate::experiment::{Observed, Queue, Replay, Subject};
+use crate::experiment::Subject;
 use anyhow::{Context, Result};
+use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::stats::Summary;
 use rt_balance::{QueueKind, Scheduling, Stream};
 use rt_sched::estimate::Uniform;

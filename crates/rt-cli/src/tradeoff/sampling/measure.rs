@@ -1,10 +1,11 @@
 //! The sweep: every setting in turn, round after round.
 
 use super::estimators::{KINDS, Kind};
-use crate::experiment::{Observed, Queue, Replay, Subject};
+use crate::experiment::Subject;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
+use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::report::{ErrorReport, StreamRun};
 use rt_balance::stats::Summary;
 use rt_balance::{Scheduling, Stream};
