@@ -130,7 +130,7 @@ fn extremes(count: usize, seed: u32) -> Vec<(Ray, u32)> {
             0 if poor => f32::from_bits((random.unit() * 4e9) as u32),
             _ => NUMBERS[random.below(if poor { NUMBERS.len() } else { 9 })],
         };
-        let mut vector = || Vec3::from_array(core::array::from_fn(|_| number(i % 2 == 0)));
+        let mut vector = || Vec3::from_array(core::array::from_fn(|_| number(i.is_multiple_of(2))));
         let (origin, direction) = (vector(), vector());
         let limits = vector();
         (Ray { origin, tmin: -limits.x.abs(), direction, tmax: limits.y.abs() }, u32::MAX)

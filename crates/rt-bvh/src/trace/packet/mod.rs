@@ -13,6 +13,8 @@
 //! tests, in the same order, under the same limits, and reports the same hit (with [`rt_core::Query::Any`], too) and
 //! the same counts. Samples can be counted in packets, and packets be used or not, without changing an estimate.
 
+#![expect(clippy::needless_range_loop, reason = "a lane is an index into several arrays at once")]
+
 mod filter;
 mod lanes;
 mod slabs;
@@ -50,6 +52,9 @@ where
 }
 
 /// [`walk_packets`], compiled for processors with AVX2: the same bits. AVX-512 was measured to gain nothing more.
+///
+/// # Safety
+/// Safe code inside; but the processor must have AVX2, BMI1, BMI2, LZCNT and POPCNT.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
 pub fn walk_packets_avx2<R, S>(scene: &Scene, stack: &mut Stack, walk: PacketWalk<'_>, rays: R, sink: S)
