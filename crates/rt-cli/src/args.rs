@@ -316,6 +316,10 @@ pub(crate) struct VerifyArgs {
     /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, value_name = "LIST", default_value = "cpu")]
     pub(crate) backend: String,
+    /// Try these cases only, named as the report names them, such as watertight [default: all]
+    #[arg(long = "case", value_name = "NAME", value_delimiter = ',',
+          value_parser = clap::builder::PossibleValuesParser::new(rt_verify::Suite::case_names()))]
+    pub(crate) cases: Vec<String>,
     /// Triangle tests that are to keep the promises; fast is known not to
     #[arg(long, value_enum, default_value_t = PrecisionArg::Robust)]
     pub(crate) precision: PrecisionArg,
