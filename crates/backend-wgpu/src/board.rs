@@ -83,6 +83,16 @@ impl Board for WgpuBoard {
         self.tuning.persistent_lanes
     }
 
+    fn prepare(&mut self, purpose: Purpose) {
+        if purpose == Purpose::Camera {
+            // The kernel is compiled to find out.
+            let _ = self.tuning.host_rays || self.shared.makes_rays();
+        } else {
+            let (layout, depth) = self.trees.of(purpose);
+            let _ = self.shared.pipeline(layout, purpose, depth);
+        }
+    }
+
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
         // First, so that there need not be room for both.
         self.rays.clear();

@@ -44,6 +44,11 @@ pub trait Board: Send + Debug {
         None
     }
 
+    /// Compiles the kernel for `purpose`, so that its first launch does not wait for it. What fails is told then.
+    fn prepare(&mut self, purpose: Purpose) {
+        let _ = purpose;
+    }
+
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.
     ///
     /// # Errors

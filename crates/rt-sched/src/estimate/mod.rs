@@ -31,7 +31,7 @@ pub use field::Field;
 pub use history::History;
 pub use sampled::{Sampled, interval_95};
 
-use rt_core::{CostEstimator, Observation, RayStream, Step, Work};
+use rt_core::{CostEstimator, Observation, RayStream, Step, Walk, Work};
 
 /// Every ray costs the same: the estimate that asks nothing, and what the paper compares with.
 ///
@@ -42,6 +42,10 @@ pub struct Uniform;
 impl CostEstimator for Uniform {
     fn name(&self) -> &'static str {
         "uniform"
+    }
+
+    fn walk(&self) -> Option<Walk> {
+        None
     }
 
     fn next(&mut self, stream: RayStream<'_>, _: Observation<'_>) -> Step {
