@@ -4,7 +4,7 @@
 //! `rt_bvh`'s over the same, bit for bit, on troublesome shapes, the built-in scenes and real ones; closed meshes that do not
 //! leak. Without a device the tests are ignored with the reason, unless `RT_REQUIRE` names `vulkan`.
 
-use backend_vulkan::{Layout, Layouts, Options, VulkanDevice};
+use backend_vulkan::{GpuDevice, Layout, Layouts, Options, VulkanDevice};
 use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rayon::prelude::*;

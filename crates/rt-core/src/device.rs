@@ -31,7 +31,8 @@ pub trait Device: Send + Sync + Debug {
 /// drops it and gives its tasks to others.
 pub trait Tracer: Send + Debug {
     /// Does beforehand what a stream of this kind will need once, and samples of it by `walk`: compiling kernels, say. So it
-    /// is not timed with the rays; results do not depend on it. What fails is told when it is needed.
+    /// is not timed with the rays; results do not depend on it. What fails is told when it is needed. Launches in flight must
+    /// have been waited for.
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
         let _ = (source, spec, walk);
     }

@@ -141,6 +141,9 @@ fn how_to(walk: Walk, spec: StreamSpec) -> Result<How, DeviceError> {
 
 impl<B: Board> Tracer for GpuTracer<B> {
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        if !self.pending.is_empty() {
+            return;
+        }
         if matches!(source, RaySource::Camera(_)) {
             self.board.prepare(Purpose::Camera);
         }
