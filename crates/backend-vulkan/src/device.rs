@@ -22,7 +22,7 @@ pub struct Options {
     /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
     /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
-    /// one alone ([`Layouts::default`]) may.
+    /// one alone does all, and [`Tracer::note`] says so, unless tests are to be counted over the wide one.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
     /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.

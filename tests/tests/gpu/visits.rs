@@ -75,6 +75,8 @@ fn kernels_visit_each_ray_that_is_asked_for_once(found: &Found) -> Result<(), Fa
         let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
         let spec = StreamSpec { counts, ..StreamSpec::default() };
         tracer.load_rays(source_of(&rays), spec)?;
+        // Kernels that only get ready visit nothing.
+        tracer.prepare(&source_of(&rays), spec, Some(Walk::Full));
         check(&visits(&mut *tracer, RAYS)?, |_| 0)?;
 
         let (expected, _) = tree::trace(&scene, spec, &rays);
