@@ -32,7 +32,10 @@ pub(crate) fn trials(backend: Backend, devices: &[Found]) -> Vec<Trial> {
     ]
 }
 
-fn scene_and_rays() -> Result<(Arc<Scene>, Vec<(Ray, u32)>), Failed> {
+/// Rays and the primitives they start on.
+type Rays = Vec<(Ray, u32)>;
+
+fn scene_and_rays() -> Result<(Arc<Scene>, Rays), Failed> {
     let triangles = shapes::grid(40, 0.2, 1);
     Ok((tree::build(&triangles, Builder::Sah)?, RayMaker::new(&triangles, 9).mixed(RAYS)))
 }
