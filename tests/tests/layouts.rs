@@ -4,9 +4,10 @@
 //! `rt_bvh`'s over the same, bit for bit, on troublesome shapes, the built-in scenes and real ones; closed meshes that do not
 //! leak. Without a device the tests are ignored with the reason, unless `RT_REQUIRE` names `vulkan`.
 
-use backend_vulkan::{Layout, Layouts, Options, VulkanDevice};
+use backend_vulkan::{GpuDevice, Layout, Layouts, Options, VulkanDevice};
 use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
+use rayon::prelude::*;
 use rt_bvh::{Builder, Stack, WideTree, count_wide, trace_wide};
 use rt_core::{
     Device, Hit, Launch, Precision, Query, Ray, RaySource, ReducedWalk, StreamSpec, TestCounts, Tracer, Triangle, Walk,
@@ -26,7 +27,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Rays of each kind of query on each scene.
 const RAYS: u32 = 3_000;
 
-/// Rays that must not leak: `RAYBALANCE_LEAK_RAYS`, or this many.
+/// Rays that must not leak.
 const LEAK_RAYS: u32 = 1_000_000;
 
 /// Of those, rays loaded at once.
@@ -177,14 +178,13 @@ fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec) -> Resu
 /// does not pad wide boxes.
 fn closed_meshes_do_not_leak() -> Result<(), Failed> {
     let device = open(Some(ALL_WIDE))?;
-    let wanted = std::env::var("RAYBALANCE_LEAK_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(LEAK_RAYS);
-    let indices: Vec<u32> = (0..wanted.div_ceil(2)).collect();
+    let indices: Vec<u32> = (0..LEAK_RAYS.div_ceil(2)).collect();
     let (mut leaks, mut traced) = (0, 0);
     for offset in [Vec3::ZERO, Vec3::new(1e6, -1e6, 1e6)] {
         let triangles = shapes::moved(&shapes::icosphere(5), offset);
         let mut tracer = device.tracer(tree::build(&triangles, Builder::Sah)?, clock)?;
         for batch in indices.chunks(LEAK_BATCH) {
-            let rays: Vec<Ray> = batch.iter().map(|&i| inner_ray(&triangles, offset, i)).collect();
+            let rays: Vec<Ray> = batch.par_iter().map(|&i| inner_ray(&triangles, offset, i)).collect();
             traced += rays.len();
             let source = RaySource::Explicit { rays: rays.into(), origins: None };
             let launch = launch(&mut *tracer, &source, StreamSpec::default())?;

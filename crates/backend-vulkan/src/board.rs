@@ -9,7 +9,7 @@ use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::{KernelCamera, KernelRay};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, Trees, Tuning, Work};
+use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Trees, Tuning, Work};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -72,6 +72,23 @@ impl VulkanBoard {
         Ok(board)
     }
 
+    /// Runs the kernel for `purpose` over nothing, if it never ran.
+    fn run_first(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        if !pipeline.is_to_run_first() {
+            return Ok(());
+        }
+        self.on_gpu(|shared, gpu| {
+            let index = gpu.free_slot(shared)?;
+            let Gpu { timeline, resident, slots, .. } = gpu;
+            // No ray is read: any buffer will do.
+            let [.., frame] = resident.bindings(layout);
+            let value = slots[index].start(resident, frame, pipeline, &Work::nothing(), false, timeline)?;
+            timeline.wait(value, PATIENCE)
+        })
+    }
+
     /// Does something on the device; once that is lost or hangs, nothing any more.
     fn on_gpu<T>(&mut self, work: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
@@ -95,6 +112,18 @@ impl VulkanBoard {
     }
 }
 
+impl Gpu {
+    /// A slot without a launch in flight.
+    fn free_slot(&mut self, shared: &Shared) -> Result<usize, DeviceError> {
+        let Self { slots, busy, .. } = self;
+        let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
+        if free.is_none() {
+            slots.push(Slot::new(&shared.logical, shared.layout())?);
+        }
+        Ok(free.unwrap_or(slots.len() - 1))
+    }
+}
+
 impl Board for VulkanBoard {
     fn api(&self) -> &'static str {
         "Vulkan"
@@ -107,6 +136,16 @@ impl Board for VulkanBoard {
 
     fn persistent_lanes(&self) -> Option<u32> {
         self.tuning.persistent_lanes
+    }
+
+    fn prepare(&mut self, purpose: Purpose) {
+        if purpose == Purpose::Camera {
+            // The kernel is compiled to find out.
+            let _ = self.tuning.host_rays || self.shared.makes_rays();
+        } else {
+            // Whoever uses the kernel is told what is wrong.
+            let _ = self.run_first(purpose);
+        }
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
@@ -153,13 +192,11 @@ impl Board for VulkanBoard {
     fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        self.on_gpu(|shared, Gpu { timeline, resident, rays, slots, busy, .. }| {
+        self.on_gpu(|shared, gpu| {
+            let index = gpu.free_slot(shared)?;
+            let Gpu { timeline, resident, rays, slots, busy, .. } = gpu;
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
-            let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
-            let index = free.unwrap_or(slots.len());
-            if free.is_none() {
-                slots.push(Slot::new(&shared.logical, shared.layout())?);
-            }
+            shared.logical.count_launch();
             let value = slots[index].start(resident, rays, pipeline, work, purpose.counts(), timeline)?;
             busy.push((Flight(value), index, work.items()));
             Ok(Flight(value))

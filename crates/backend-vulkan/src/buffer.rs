@@ -103,9 +103,9 @@ impl Buffer {
         // SAFETY: both are of this device, new, and the memory is as large as was asked for.
         unsafe { logical.raw().bind_buffer_memory(raw, buffer.memory, 0) }.map_err(failed("bind memory"))?;
         if purpose != Use::Kernel {
+            let (device, memory, all) = (logical.raw(), buffer.memory, vk::WHOLE_SIZE);
             // SAFETY: the memory is visible to the host and not mapped yet.
-            let pointer =
-                unsafe { logical.raw().map_memory(buffer.memory, 0, vk::WHOLE_SIZE, vk::MemoryMapFlags::empty()) };
+            let pointer = unsafe { device.map_memory(memory, 0, all, vk::MemoryMapFlags::empty()) };
             buffer.mapped = NonNull::new(pointer.map_err(failed("map memory"))?.cast());
         }
         Ok(buffer)

@@ -9,8 +9,8 @@ use crate::logical::Logical;
 use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
-use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
+use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -22,15 +22,15 @@ pub struct Options {
     /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
     /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
-    /// one alone ([`Layouts::default`]) may.
+    /// one alone does all, and [`Tracer::note`] says so, unless tests are to be counted over the wide one.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
     /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
     pub memory: Option<u64>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
     pub trouble: Option<Trouble>,
-    /// SPIR-V in place of a kernel's own, for tests that want kernels to fail; it must be valid.
-    pub kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    /// SPIR-V in place of kernels' own, for tests that want kernels to fail.
+    pub kernels: Option<Replacement>,
 }
 
 impl Options {
@@ -42,13 +42,27 @@ impl Options {
     }
 }
 
+/// SPIR-V that runs in place of kernels' own. Drivers trust it, so to make one is unsafe.
+#[derive(Clone, Copy, Debug)]
+pub struct Replacement(fn(&'static Kernel) -> Vec<u32>);
+
+impl Replacement {
+    /// What runs in place of each kernel.
+    ///
+    /// # Safety
+    /// For every kernel of `rt_shaders`, `words` must return valid SPIR-V that Vulkan 1.2 takes without features or extensions
+    /// beyond those of [`Kernel::spirv_with`] for the device; with the kernel's entry point, workgroup and buffers; that
+    /// accesses nothing that the kernel would not access; and that ends.
+    #[must_use]
+    pub const unsafe fn new(words: fn(&'static Kernel) -> Vec<u32>) -> Self {
+        Self(words)
+    }
+}
+
 /// A graphics card or software rasteriser.
 #[derive(Debug)]
 pub struct VulkanDevice {
-    info: DeviceInfo,
-    card: Card,
-    layouts: Layouts,
-    tuning: Tuning,
+    profile: Profile,
     shared: Arc<Shared>,
 }
 
@@ -57,14 +71,12 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<pipeline::Layout>,
-    /// Runs in place of every kernel that traces, where a test wants it to.
-    instead: Option<Purpose>,
-    kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
+    trouble: Option<Trouble>,
+    kernels: Option<Replacement>,
     /// Whether it makes the host's camera rays; asked when the first are wanted.
     makes_rays: OnceLock<bool>,
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
-    pub tally: Arc<Tally>,
 }
 
 impl VulkanDevice {
@@ -110,14 +122,6 @@ impl VulkanDevice {
         }
         let logical = Arc::new(Logical::new(Arc::clone(instance), physical, options)?);
         let layout = pipeline::Layout::new(&logical).map_err(|e| refuse(e.to_string()))?;
-        let info = DeviceInfo {
-            name: name.clone(),
-            backend: "vulkan",
-            // Vulkan does not tell.
-            units: 1,
-            in_flight: IN_FLIGHT,
-            memory: logical.memory.size(),
-        };
         let card = Card {
             name: name.clone(),
             driver: format!("{driver} {version}"),
@@ -127,46 +131,29 @@ impl VulkanDevice {
             binding: logical.limits.binding,
             kernels: "SPIR-V, unchecked",
         };
-        let instead = match options.trouble {
-            Some(Trouble::Kernel(purpose)) => Some(purpose),
-            _ => None,
-        };
+        let profile = Profile::new("vulkan", logical.memory.size(), card, options.layouts);
         let shared = Shared {
             pipelines: Mutex::default(),
             layout: Arc::new(layout),
-            instead,
+            trouble: options.trouble,
             kernels: options.kernels,
             makes_rays: OnceLock::new(),
             abandoned: Abandoned::default(),
             logical,
-            tally: Arc::default(),
         };
         match probe::check_arithmetic(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::USUAL), Tuning::default());
-        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
+        Ok(Self { profile, shared: Arc::new(shared) })
     }
 
     /// The device with other choices for the tracers that it will open.
     #[must_use]
     pub fn tuned(mut self, tuning: Tuning) -> Self {
-        self.tuning = tuning;
+        self.profile.tuning = tuning;
         self
-    }
-
-    /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
-    #[must_use]
-    pub fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
-    }
-
-    /// The layouts in which it holds scenes.
-    #[must_use]
-    pub const fn layouts(&self) -> Layouts {
-        self.layouts
     }
 
     /// What the device promises of the kernels' arithmetic, and they ask it for.
@@ -212,23 +199,21 @@ impl VulkanDevice {
 
 impl Device for VulkanDevice {
     fn info(&self) -> &DeviceInfo {
-        &self.info
+        &self.profile.info
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        let scene = GpuScene::new(scene, self.layouts);
-        let board = VulkanBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
-        Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
+        self.profile.tracer(scene, clock, |held| VulkanBoard::new(Arc::clone(&self.shared), self.profile.tuning, held))
     }
 }
 
 impl GpuDevice for VulkanDevice {
-    fn card(&self) -> &Card {
-        &self.card
+    fn profile(&self) -> &Profile {
+        &self.profile
     }
 
-    fn tally(&self) -> &Tally {
-        &self.shared.tally
+    fn makes_rays(&self) -> bool {
+        self.shared.makes_rays()
     }
 }
 
@@ -240,20 +225,14 @@ impl Shared {
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let (layout, purpose) = match self.instead {
-            Some(instead) if purpose.traces() => (Layout::Two, instead),
-            _ => (layout, purpose),
-        };
-        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
-            DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
-        })?;
+        let kernel = Trouble::kernel(self.trouble, layout, purpose, depth)?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (layout, purpose, kernel.stack);
+        let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
         let own = || kernel.spirv_with(self.logical.limits.float_controls);
-        let code = self.kernels.map_or_else(own, |replace| replace(kernel));
+        let code = self.kernels.map_or_else(own, |Replacement(words)| words(kernel));
         let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &code)?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)

@@ -109,15 +109,16 @@ impl Slot {
             to.run(&pipeline, bindings, work.lanes());
             to.stamp(1);
             to.barrier(Stage::Kernel, Stage::Copy);
-            to.copy(&room.found, &room.found_back, 0, u64::from(count) * WORD);
-            if counted {
+            if count > 0 {
+                to.copy(&room.found, &room.found_back, 0, u64::from(count) * WORD);
+            }
+            if counts > 0 {
                 to.copy(&room.counts, &room.counts_back, 0, u64::from(count) * COUNTS);
             }
             to.barrier(Stage::Copy, Stage::Host);
         })?;
         self.counted = counts as usize;
         self.pipeline = Some(pipeline);
-        self.logical.count_launch();
         timeline.submit(self.commands.raw())
     }
 

@@ -2,14 +2,14 @@
 //!
 //! [`VulkanDevice::enumerate`] opens every device of the system. A device decides which triangle each ray hits and counts
 //! tests, by the kernels of `rt_shaders`; the host computes t, u and v of the hits it reads back from ray and triangle.
-//! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`VulkanDevice::tally`]
+//! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`GpuDevice::tally`]
 //! says how many). A device that does not round as the kernels rely on is refused when it is opened. So hits and counts are, bit for bit, those of the CPU devices.
 //!
 //! # Current state and limits
 //!
 //! * Two layouts, of which [`Options`] choose, with one kernel each: single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
-//! * Camera rays are made on the device, where a test of it shows the host's bits ([`VulkanDevice::makes_rays`]). Other rays,
+//! * Camera rays are made on the device, where a test of it shows the host's bits ([`GpuDevice::makes_rays`]). Other rays,
 //!   those of bounces too, are prepared on the host and uploaded.
 //! * A launch has a lane for each ray. Persistent threads are there on request ([`Tuning`]): on lavapipe they gain nothing
 //!   (`cargo run --release -p rt-benches --bin launches`), and hardware was not measured.
@@ -37,7 +37,7 @@ mod probe;
 mod timeline;
 mod upload;
 
-pub use device::{Options, VulkanDevice};
+pub use device::{Options, Replacement, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Tally, Trouble, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Trouble, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

@@ -8,6 +8,7 @@ use rt_core::{DeviceError, DeviceErrorKind};
 use rt_shaders::Kernel;
 use std::fmt;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Number of buffers of every kernel, bound in their order.
 pub(crate) const BUFFERS: usize = 8;
@@ -64,6 +65,8 @@ pub(crate) struct Pipeline {
     raw: vk::Pipeline,
     workgroup: u32,
     tree: rt_shaders::Layout,
+    /// Whether it ran, or is one that tests want to meet unprepared.
+    ran: AtomicBool,
 }
 
 impl fmt::Debug for Pipeline {
@@ -95,8 +98,8 @@ impl Pipeline {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, what));
         }
         let info = vk::ShaderModuleCreateInfo::default().code(code);
-        // SAFETY: the code is valid SPIR-V, which naga checked, or the test that put it in the kernel's place; and asks
-        // for nothing that the device lacks.
+        // SAFETY: the code is valid SPIR-V and asks for nothing that the device lacks: it is what naga made of the kernel,
+        // or the maker of a `Replacement` vouched for it.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(refused)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)
@@ -111,7 +114,8 @@ impl Pipeline {
             Ok(pipelines) => pipelines[0],
             Err((_, source)) => return Err(refused(source)),
         };
-        Ok(Self { layout: Arc::clone(layout), raw, workgroup, tree: kernel.layout })
+        let ran = AtomicBool::new(kernel.purpose.is_faulty());
+        Ok(Self { layout: Arc::clone(layout), raw, workgroup, tree: kernel.layout, ran })
     }
 
     pub(crate) const fn raw(&self) -> vk::Pipeline {
@@ -125,6 +129,11 @@ impl Pipeline {
     /// The layout of the tree it walks.
     pub(crate) const fn tree(&self) -> rt_shaders::Layout {
         self.tree
+    }
+
+    /// Whether it never ran, which it is to do now: asked again, no.
+    pub(crate) fn is_to_run_first(&self) -> bool {
+        !self.ran.swap(true, Ordering::Relaxed)
     }
 
     /// Invocations in a workgroup.

@@ -67,6 +67,39 @@ impl WgpuBoard {
         let (trees, rays, slots, busy) = (scene.trees(), Vec::new(), Vec::new(), Vec::new());
         Ok(Self { shared, trees, tuning, scene: resident, wide, sender, rays, slots, busy, started: 0 })
     }
+
+    /// A slot without a launch in flight.
+    fn free_slot(&mut self) -> Result<usize, DeviceError> {
+        let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
+        if free.is_none() {
+            self.slots.push(Slot::new(&self.shared.opened)?);
+        }
+        Ok(free.unwrap_or(self.slots.len() - 1))
+    }
+
+    /// Runs the kernel for `purpose` over nothing, if it never ran.
+    fn run_first(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        if !pipeline.is_to_run_first() {
+            return Ok(());
+        }
+        let index = self.free_slot()?;
+        let none = self.shared.opened.buffer("no rays", RAY, BufferUsages::STORAGE)?;
+        let [tree, triangles, primitives, frame] = bindings(&self.scene, &self.wide, layout);
+        self.slots[index].start([tree, triangles, primitives, frame, &none], &pipeline, &Work::nothing(), false)?;
+        self.slots[index].wait(PATIENCE, &mut |_| ())
+    }
+}
+
+/// What kernels over a layout find at bindings 0 to 3.
+const fn bindings<'a>(scene: &'a [Buffer; 4], wide: &'a Buffer, layout: Layout) -> [&'a Buffer; 4] {
+    let [two, triangles, primitives, frame] = scene;
+    let tree = match layout {
+        Layout::Two => two,
+        Layout::Wide => wide,
+    };
+    [tree, triangles, primitives, frame]
 }
 
 impl Board for WgpuBoard {
@@ -81,6 +114,16 @@ impl Board for WgpuBoard {
 
     fn persistent_lanes(&self) -> Option<u32> {
         self.tuning.persistent_lanes
+    }
+
+    fn prepare(&mut self, purpose: Purpose) {
+        if purpose == Purpose::Camera {
+            // The kernel is compiled to find out.
+            let _ = self.tuning.host_rays || self.shared.makes_rays();
+        } else {
+            // Whoever uses the kernel is told what is wrong.
+            let _ = self.run_first(purpose);
+        }
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
@@ -137,20 +180,11 @@ impl Board for WgpuBoard {
     fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        let index = self.free_slot()?;
         let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
-        let free = (0..self.slots.len()).find(|index| self.busy.iter().all(|(_, slot)| slot != index));
-        let index = free.unwrap_or(self.slots.len());
-        if free.is_none() {
-            self.slots.push(Slot::new(&self.shared.opened)?);
-        }
         self.shared.count_launch();
-        let [two, triangles, primitives, frame] = &self.scene;
-        let tree = match layout {
-            Layout::Two => two,
-            Layout::Wide => &self.wide,
-        };
-        let inputs = [tree, triangles, primitives, frame, rays];
-        self.slots[index].start(inputs, &pipeline, work, purpose.counts())?;
+        let [tree, triangles, primitives, frame] = bindings(&self.scene, &self.wide, layout);
+        self.slots[index].start([tree, triangles, primitives, frame, rays], &pipeline, work, purpose.counts())?;
         self.started += 1;
         let flight = Flight(self.started);
         self.busy.push((flight, index));

@@ -5,8 +5,8 @@ use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
-use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
+use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -19,7 +19,8 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`].
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
+    /// one alone does all, and [`Tracer::note`] says so, unless tests are to be counted over the wide one.
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     pub kernels: Option<fn(&'static Kernel) -> String>,
@@ -39,10 +40,7 @@ impl Options {
 /// A graphics card or software rasteriser.
 #[derive(Debug)]
 pub struct WgpuDevice {
-    info: DeviceInfo,
-    card: Card,
-    layouts: Layouts,
-    tuning: Tuning,
+    profile: Profile,
     shared: Arc<Shared>,
 }
 
@@ -56,7 +54,6 @@ pub(crate) struct Shared {
     /// Launches so far, walks too.
     launches: AtomicU32,
     pub opened: Arc<Opened>,
-    pub tally: Arc<Tally>,
 }
 
 impl WgpuDevice {
@@ -90,14 +87,6 @@ impl WgpuDevice {
             return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
         }
         let opened = Opened::new(adapter, &said.name)?;
-        let info = DeviceInfo {
-            name: said.name.clone(),
-            backend: "wgpu",
-            // wgpu tells neither this nor the memory.
-            units: 1,
-            in_flight: IN_FLIGHT,
-            memory: None,
-        };
         let card = Card {
             name: said.name.clone(),
             driver: format!("{} {}", said.driver, said.driver_info),
@@ -107,40 +96,28 @@ impl WgpuDevice {
             binding: opened.binding,
             kernels: if options.trusted { "WGSL, trusted" } else { "WGSL, checked" },
         };
+        // wgpu does not tell how much memory there is.
+        let profile = Profile::new("wgpu", None, card, options.layouts);
         let shared = Shared {
             pipelines: Mutex::default(),
             options,
             makes_rays: OnceLock::new(),
             launches: AtomicU32::default(),
             opened: Arc::new(opened),
-            tally: Arc::default(),
         };
         match probe::check_arithmetic(&shared) {
             Ok(None) => {}
             Ok(Some(fault)) => return Err(refuse(format!("it does not round as IEEE 754 says: {fault}"))),
             Err(error) => return Err(refuse(error.to_string())),
         }
-        let (layouts, tuning) = (options.layouts.unwrap_or(Layouts::USUAL), Tuning::default());
-        Ok(Self { info, card, layouts, tuning, shared: Arc::new(shared) })
+        Ok(Self { profile, shared: Arc::new(shared) })
     }
 
     /// The device with other choices for the tracers that it will open.
     #[must_use]
     pub fn tuned(mut self, tuning: Tuning) -> Self {
-        self.tuning = tuning;
+        self.profile.tuning = tuning;
         self
-    }
-
-    /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
-    #[must_use]
-    pub fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
-    }
-
-    /// The layouts in which it holds scenes.
-    #[must_use]
-    pub const fn layouts(&self) -> Layouts {
-        self.layouts
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
@@ -151,23 +128,21 @@ impl WgpuDevice {
 
 impl Device for WgpuDevice {
     fn info(&self) -> &DeviceInfo {
-        &self.info
+        &self.profile.info
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        let scene = GpuScene::new(scene, self.layouts);
-        let board = WgpuBoard::new(Arc::clone(&self.shared), self.tuning, &scene)?;
-        Ok(Box::new(GpuTracer::new(board, scene, clock, Arc::clone(&self.shared.tally))))
+        self.profile.tracer(scene, clock, |held| WgpuBoard::new(Arc::clone(&self.shared), self.profile.tuning, held))
     }
 }
 
 impl GpuDevice for WgpuDevice {
-    fn card(&self) -> &Card {
-        &self.card
+    fn profile(&self) -> &Profile {
+        &self.profile
     }
 
-    fn tally(&self) -> &Tally {
-        &self.shared.tally
+    fn makes_rays(&self) -> bool {
+        self.shared.makes_rays()
     }
 }
 
@@ -189,13 +164,7 @@ impl Shared {
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let (layout, purpose) = match self.options.trouble {
-            Some(Trouble::Kernel(instead)) if purpose.traces() => (Layout::Two, instead),
-            _ => (layout, purpose),
-        };
-        let kernel = rt_shaders::kernel(layout, purpose, depth).ok_or_else(|| {
-            DeviceError::new(DeviceErrorKind::Unsupported, format!("no kernel traces a tree of depth {depth}"))
-        })?;
+        let kernel = Trouble::kernel(self.options.trouble, layout, purpose, depth)?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {

@@ -4,6 +4,7 @@ use crate::opened::Opened;
 use crate::trusted;
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_shaders::Kernel;
+use std::sync::atomic::{AtomicBool, Ordering};
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry,
     BindingType, Buffer, BufferBindingType, ComputePass, ComputePipeline, ComputePipelineDescriptor, Device,
@@ -19,6 +20,8 @@ pub(crate) struct Pipeline {
     raw: ComputePipeline,
     layout: BindGroupLayout,
     kernel: &'static Kernel,
+    /// Whether it ran, or is one that tests want to meet unprepared.
+    ran: AtomicBool,
 }
 
 impl Pipeline {
@@ -54,8 +57,13 @@ impl Pipeline {
                 },
                 cache: None,
             });
-            Self { raw, layout, kernel }
+            Self { raw, layout, kernel, ran: AtomicBool::new(kernel.purpose.is_faulty()) }
         })
+    }
+
+    /// Whether it never ran, which it is to do now: asked again, no.
+    pub(crate) fn is_to_run_first(&self) -> bool {
+        !self.ran.swap(true, Ordering::Relaxed)
     }
 
     /// A choice of buffers, by number of their binding; those that the kernel does not use are ignored.

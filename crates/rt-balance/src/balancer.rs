@@ -129,6 +129,8 @@ impl Balancer {
         stream.check()?;
         scheduling.policy()?;
 
+        let setup = clock::now();
+        self.prepare(stream, &*scheduling.estimator);
         let begin = clock::now();
         let outputs = Mutex::new(Outputs { hits, counts });
         self.members.iter_mut().for_each(Member::begin);
@@ -146,8 +148,18 @@ impl Balancer {
 
         teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
         learn_launches(&mut self.members, key, &plan, &ran);
-        let times = Times { origin: self.origin, begin, loaded, planned, end };
+        let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
+    }
+
+    /// Has every living device do beforehand what a stream like this needs once.
+    fn prepare(&mut self, stream: &Stream, estimator: &dyn CostEstimator) {
+        let walk = estimator.walk();
+        std::thread::scope(|scope| {
+            for tracer in self.members.iter_mut().filter_map(|member| member.tracer.as_mut()) {
+                scope.spawn(move || tracer.prepare(&stream.source, stream.spec, walk));
+            }
+        });
     }
 
     /// Gives the rays to every living device; one that cannot take them drops out.

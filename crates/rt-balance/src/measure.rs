@@ -11,10 +11,12 @@ use rt_core::{TaskId, TestCounts, Work};
 use rt_sched::metrics;
 use std::time::Duration;
 
-/// When a stream began, was loaded, was planned and ended, on the clock of all devices.
+/// When devices began to get ready for a stream, and when it began, was loaded, was planned and ended, on the clock of all
+/// devices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Times {
     pub(crate) origin: Duration,
+    pub(crate) setup: Duration,
     pub(crate) begin: Duration,
     pub(crate) loaded: Duration,
     pub(crate) planned: Duration,
@@ -77,6 +79,7 @@ pub(crate) fn measure(
             errors_counts: None,
             errors_time: None,
         },
+        setup_s: times.begin.saturating_sub(times.setup).as_secs_f64(),
         makespan_s,
         imbalance: imbalance(plan, &devices, makespan_s),
         lower_bound_s: None,
@@ -154,6 +157,7 @@ fn device_report(
         tasks: own().map(|launch| launch.outcomes.len() as u32).sum(),
         rays: own().map(|launch| u64::from(launch.rays)).sum(),
         model: None,
+        note: member.tracer.as_ref().and_then(|tracer| tracer.note()).map(str::to_owned),
         error: member.failure.clone(),
     }
 }

@@ -20,6 +20,8 @@ pub struct StreamReport {
     pub tasks: u32,
     /// How the tasks' cost was estimated.
     pub estimate: EstimateReport,
+    /// Wall seconds before that: what streams like this need once, such as compiled kernels. Not part of the makespan.
+    pub setup_s: f64,
     /// Wall seconds from before the estimation until the last hit was on the host.
     pub makespan_s: f64,
     /// `makespan / (Σ speed · busy / Σ speed) − 1`, without a unit: how much longer the run took than if every device
@@ -140,6 +142,8 @@ pub struct DeviceReport {
     pub rays: u64,
     /// Its prices for streams of this kind and this estimator; `None` before any were measured.
     pub model: Option<ModelReport>,
+    /// What people should know of how it holds the scene, such as one tree where both do not fit.
+    pub note: Option<String>,
     /// Why the device dropped out, if it did.
     pub error: Option<String>,
 }

@@ -92,6 +92,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
             mre_time: Some(0.05),
             ..EstimateReport::default()
         },
+        setup_s: 0.0,
         makespan_s,
         imbalance: Some(0.0172),
         lower_bound_s: Some(makespan_s * 0.99),

@@ -1,7 +1,9 @@
 //! The command line.
 
+mod cards;
 mod parse;
 
+pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use glam::Vec3;
 use parse::{parse_bytes, parse_fraction, parse_share, parse_size, parse_vec3};
@@ -98,6 +100,8 @@ pub(crate) struct BalanceArgs {
     /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
     #[arg(long, value_name = "LIST")]
     pub(crate) devices: Option<String>,
+    #[command(flatten)]
+    pub(crate) cards: CardArgs,
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
     /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
@@ -288,6 +292,8 @@ pub(crate) struct BenchArgs {
     /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
     #[arg(long, value_name = "LIST")]
     pub(crate) devices: Option<String>,
+    #[command(flatten)]
+    pub(crate) cards: CardArgs,
     /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
     #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
     pub(crate) rays: Option<u32>,
@@ -316,6 +322,10 @@ pub(crate) struct VerifyArgs {
     /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, value_name = "LIST", default_value = "cpu")]
     pub(crate) backend: String,
+    /// Try these cases only, named as the report names them, such as watertight [default: all]
+    #[arg(long = "case", value_name = "NAME", value_delimiter = ',',
+          value_parser = clap::builder::PossibleValuesParser::new(rt_verify::Suite::case_names()))]
+    pub(crate) cases: Vec<String>,
     /// Triangle tests that are to keep the promises; fast is known not to
     #[arg(long, value_enum, default_value_t = PrecisionArg::Robust)]
     pub(crate) precision: PrecisionArg,

@@ -1,5 +1,6 @@
 //! The `--devices` list.
 
+use crate::args::CardArgs;
 use anyhow::{Context, Result, bail};
 use rt_balance::cpu::CpuDevice;
 use rt_balance::middleware::Throttled;
@@ -47,14 +48,25 @@ impl Api {
     }
 
     /// Every device, in the API's order; the error says why there are none.
-    pub(crate) fn devices(self) -> Result<Vec<Found>, String> {
-        fn upcast<T: GpuDevice + 'static, E: Display>(found: Vec<Result<T, E>>) -> Vec<Found> {
-            let upcast = |device| Arc::new(device) as Arc<dyn GpuDevice>;
-            found.into_iter().map(|found| found.map(upcast).map_err(|e| e.to_string())).collect()
+    pub(crate) fn devices(self, cards: CardArgs) -> Result<Vec<Found>, String> {
+        fn all<T, D: GpuDevice + 'static, E: Display>(
+            found: Result<Vec<Result<T, E>>, E>,
+            tuned: impl Fn(T) -> D,
+        ) -> Result<Vec<Found>, String> {
+            let upcast = |device| Arc::new(tuned(device)) as Arc<dyn GpuDevice>;
+            let each = |found: Result<T, E>| found.map(upcast).map_err(|e| e.to_string());
+            Ok(found.map_err(|e| e.to_string())?.into_iter().map(each).collect())
         }
+        let (layouts, tuning) = (cards.layouts(), cards.tuning());
         match self {
-            Self::Vulkan => VulkanDevice::enumerate(vulkan::Options::from_env()).map(upcast).map_err(|e| e.to_string()),
-            Self::Wgpu => WgpuDevice::enumerate(wgpu::Options::from_env()).map(upcast).map_err(|e| e.to_string()),
+            Self::Vulkan => {
+                let options = vulkan::Options { layouts, ..vulkan::Options::from_env() };
+                all(VulkanDevice::enumerate(options), |device| device.tuned(tuning))
+            }
+            Self::Wgpu => {
+                let options = wgpu::Options { layouts, ..wgpu::Options::from_env() };
+                all(WgpuDevice::enumerate(options), |device| device.tuned(tuning))
+            }
         }
     }
 }
@@ -67,14 +79,14 @@ pub(crate) struct Named {
 }
 
 /// Opens the devices of a list, to be used one after the other; `None` opens all cores as one, and every graphics card.
-pub(crate) fn open_named(list: Option<&str>) -> Result<Vec<Named>> {
-    let cards = |spec: Spec| match spec.kind {
+pub(crate) fn open_named(list: Option<&str>, cards: &CardArgs) -> Result<Vec<Named>> {
+    let card_of = |spec: Spec| match spec.kind {
         Kind::Gpu(api, index) => Some(format!("{}:{index}", api.name())),
         Kind::Cpu(_) => None,
     };
     let entries: Vec<String> = match list {
         None | Some("auto") => {
-            std::iter::once("cpu".to_owned()).chain(automatic().into_iter().filter_map(cards)).collect()
+            std::iter::once("cpu".to_owned()).chain(automatic().into_iter().filter_map(card_of)).collect()
         }
         Some(list) => list.split(',').map(|entry| entry.trim().to_owned()).collect(),
     };
@@ -83,11 +95,11 @@ pub(crate) fn open_named(list: Option<&str>) -> Result<Vec<Named>> {
     for entry in entries {
         let (device, card): (Arc<dyn Device>, _) = match parse(&entry)? {
             Spec { kind: Kind::Gpu(api, index), speed: 1.0 } => {
-                let device = card(&mut found, api, index)?;
+                let device = card(&mut found, *cards, api, index)?;
                 let card = device.card().clone();
                 (device, Some(card))
             }
-            _ => (open(Some(&entry))?.pop().context("--devices: a device was not opened")?, None),
+            _ => (open_with(Some(&entry), cards)?.pop().context("--devices: a device was not opened")?, None),
         };
         devices.push(Named { entry, device, card });
     }
@@ -96,6 +108,11 @@ pub(crate) fn open_named(list: Option<&str>) -> Result<Vec<Named>> {
 
 /// Opens the devices of a list; `None` opens one device for each core, and every graphics card.
 pub(crate) fn open(list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
+    open_with(list, &CardArgs::default())
+}
+
+/// The same with choices about graphics cards.
+pub(crate) fn open_with(list: Option<&str>, chosen: &CardArgs) -> Result<Vec<Arc<dyn Device>>> {
     let specs = match list {
         None | Some("auto") => automatic(),
         Some(list) => list.split(',').map(parse).collect::<Result<Vec<_>>>()?,
@@ -110,7 +127,7 @@ pub(crate) fn open(list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
     for spec in specs {
         let device: Arc<dyn Device> = match spec.kind {
             Kind::Cpu(_) => Arc::new(cpus.next().context("--devices: a CPU device was not opened")?),
-            Kind::Gpu(api, index) => card(&mut cards, api, index)?,
+            Kind::Gpu(api, index) => card(&mut cards, *chosen, api, index)?,
         };
         devices.push(match spec.speed {
             1.0 => device,
@@ -121,11 +138,16 @@ pub(crate) fn open(list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
 }
 
 /// A card that was named; `found` keeps the lists of APIs that were asked before.
-fn card(found: &mut [(Api, Option<Vec<Found>>)], api: Api, index: usize) -> Result<Arc<dyn GpuDevice>> {
+fn card(
+    found: &mut [(Api, Option<Vec<Found>>)],
+    chosen: CardArgs,
+    api: Api,
+    index: usize,
+) -> Result<Arc<dyn GpuDevice>> {
     let (_, list) = found.iter_mut().find(|(known, _)| *known == api).context("--devices: an unknown API")?;
     let list = match list {
         Some(list) => list,
-        None => list.insert(api.devices().map_err(anyhow::Error::msg).context("--devices")?),
+        None => list.insert(api.devices(chosen).map_err(anyhow::Error::msg).context("--devices")?),
     };
     let name = api.name();
     match list.get(index) {
@@ -139,7 +161,7 @@ fn card(found: &mut [(Api, Option<Vec<Found>>)], api: Api, index: usize) -> Resu
 fn automatic() -> Vec<Spec> {
     let cores = std::iter::repeat_n(Kind::Cpu(1), CpuDevice::cores());
     // A system without an API simply has no such devices.
-    let lists = Api::ALL.map(|api| (api, api.devices().unwrap_or_default()));
+    let lists = Api::ALL.map(|api| (api, api.devices(CardArgs::default()).unwrap_or_default()));
     let cards = lists.iter().flat_map(|(api, list)| {
         (0..).zip(list).filter_map(|(index, found)| Some((*api, index, found.as_ref().ok()?.card())))
     });

@@ -1,5 +1,6 @@
 //! `raybalance devices` and `raybalance scenes`.
 
+use crate::args::CardArgs;
 use crate::devices::{Api, Found};
 use crate::scene_source::generate;
 use crate::table::{Table, grouped};
@@ -44,7 +45,7 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
     let mut entries: Vec<Entry> = cores.iter().map(cpu).collect();
     let mut missing = Vec::new();
     for api in Api::ALL {
-        match api.devices() {
+        match api.devices(CardArgs::default()) {
             Ok(found) => entries.extend(found.iter().enumerate().map(|(index, found)| gpu_entry(api, index, found))),
             // A system without the API simply has no such devices.
             Err(error) => missing.push(error),
@@ -76,8 +77,13 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
             (None, None) => String::new(),
         };
         let in_flight = entry.in_flight.map_or_else(String::new, |n| n.to_string());
+        let memory = match (entry.memory, &entry.card) {
+            // wgpu does not tell.
+            (None, Some(_)) => "not told".to_owned(),
+            (memory, _) => mebibytes(memory),
+        };
         let binding = mebibytes(entry.card.map(|card| card.binding));
-        table.row(vec![entry.spec, entry.name, mebibytes(entry.memory), in_flight, binding, driver]);
+        table.row(vec![entry.spec, entry.name, memory, in_flight, binding, driver]);
     }
     print!("{table}");
     for error in missing {

@@ -26,8 +26,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::new(prepared.built.scene.clone());
-    let devices = devices::open(args.balance.devices.as_deref())?;
+    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let begin = Instant::now();
     let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 
     let extent = prepared.model.bounds().extent().length();
@@ -44,7 +46,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         cancel: interrupt::flag(),
     };
     let waves = streams::waves(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
-    let mut seconds = Seconds { load: prepared.load_s, build: prepared.build_s, ..Seconds::default() };
+    let mut seconds = Seconds { load: prepared.load_s, build: prepared.build_s, setup, ..Seconds::default() };
     for frame in 0..args.frames {
         let mut film = Film::new(args.size, args.spp);
         let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
@@ -112,13 +114,15 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
 }
 
 fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
+    let setup: f64 = runs.iter().map(|run| run.report.setup_s).sum();
     let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
     let makespan: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
     let reference: f64 = runs.iter().filter_map(|run| run.reference_s).sum();
+    seconds.setup += setup;
     seconds.estimate += estimate;
     seconds.trace += makespan - estimate;
     seconds.reference += reference;
-    seconds.shade += wall - makespan - reference;
+    seconds.shade += wall - setup - makespan - reference;
 }
 
 fn picture_name(frame: u32, args: &RenderArgs) -> String {

@@ -42,6 +42,8 @@ pub(crate) struct SceneReport {
 pub(crate) struct Seconds {
     pub(crate) load: f64,
     pub(crate) build: f64,
+    /// The scene brought to the devices, kernels compiled.
+    pub(crate) setup: f64,
     pub(crate) estimate: f64,
     pub(crate) trace: f64,
     /// The separate measuring passes of `--reference`.

@@ -165,6 +165,9 @@ pub(crate) fn device_table(runs: &[StreamRun]) -> Table {
             // What the last stream's prices leave unexplained.
             percent(last.model.map(|model| model.residual)),
         ];
+        if let Some(note) = &last.note {
+            cells.push(note.clone());
+        }
         if let Some(error) = &last.error {
             cells.push(format!("failed: {error}"));
         }

@@ -17,7 +17,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let rays = npy::read_rays(&args.rays)?;
     let prepared = prepare(&args.scene, &args.source)?;
     let scene = Arc::new(prepared.built.scene.clone());
-    let devices = devices::open(args.balance.devices.as_deref())?;
+    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
 
     let query = if args.any { Query::Any } else { Query::Closest };

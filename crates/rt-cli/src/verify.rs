@@ -47,7 +47,10 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
         let subject = Subject::new(device, args.precision.into());
         let show = |share: f64, _: &str| bar.set_position((STEPS * (i as f64 + share)) as u64);
         let watch = Watch { stop: Some(interrupt::flag()), progress: Some(&show) };
-        reports.push(suite.run(&subject, watch)?);
+        reports.push(match &args.cases[..] {
+            [] => suite.run(&subject, watch)?,
+            cases => suite.run_cases(cases, &subject, watch)?,
+        });
     }
     bar.finish_and_clear();
 

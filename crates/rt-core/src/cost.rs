@@ -359,6 +359,11 @@ pub trait CostEstimator: Debug + Send {
         self.name()
     }
 
+    /// How it will have samples walked, so that devices can get ready; `None` if it asks for none.
+    fn walk(&self) -> Option<Walk> {
+        Some(Walk::Full)
+    }
+
     /// Takes the answer to the previous step and says what is wanted next. The first call of a stream carries an
     /// empty observation; after [`Step::Done`] the next call begins another stream.
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step;

@@ -30,6 +30,13 @@ pub trait Device: Send + Sync + Debug {
 /// [`DeviceErrorKind::InvalidArgument`], or [`DeviceErrorKind::Unsupported`] from a walk, the tracer is lost: the driver
 /// drops it and gives its tasks to others.
 pub trait Tracer: Send + Debug {
+    /// Does beforehand what a stream of this kind will need once, and samples of it by `walk`: compiling kernels, say. So it
+    /// is not timed with the rays; results do not depend on it. What fails is told when it is needed. Launches in flight must
+    /// have been waited for.
+    fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        let _ = (source, spec, walk);
+    }
+
     /// Replaces the rays. Launches in flight must have been waited for.
     ///
     /// # Errors
@@ -66,6 +73,11 @@ pub trait Tracer: Send + Debug {
     /// What went between host and device since the tracer was made. Nothing, for a device that is the host.
     fn traffic(&self) -> Traffic {
         Traffic::default()
+    }
+
+    /// What people should know of how the scene is held, such as that it is not as was asked for.
+    fn note(&self) -> Option<&str> {
+        None
     }
 }
 

@@ -44,6 +44,12 @@ pub trait Board: Send + Debug {
         None
     }
 
+    /// Compiles the kernel for `purpose` and runs it over [`Work::nothing`], since some drivers compile when a kernel first
+    /// runs, so that its first launch does not wait for it. What fails is told then. Nothing is in flight.
+    fn prepare(&mut self, purpose: Purpose) {
+        let _ = purpose;
+    }
+
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.
     ///
     /// # Errors

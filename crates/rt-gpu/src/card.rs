@@ -1,6 +1,6 @@
 //! What a graphics device says of itself.
 
-use crate::Tally;
+use crate::{Layouts, Profile, Tally};
 use rt_core::Device;
 
 /// A graphics card, or a processor in the guise of one, as its driver describes it.
@@ -36,11 +36,26 @@ impl Card {
 
 /// A device that is a graphics card.
 pub trait GpuDevice: Device {
+    /// What its backend keeps of it.
+    fn profile(&self) -> &Profile;
+
+    /// Whether it makes camera rays itself: where it does not make the host's bits, the host prepares them.
+    fn makes_rays(&self) -> bool;
+
     /// What the driver says of it.
-    fn card(&self) -> &Card;
+    fn card(&self) -> &Card {
+        &self.profile().card
+    }
 
     /// What its tracers have done so far.
-    fn tally(&self) -> &Tally;
+    fn tally(&self) -> &Tally {
+        &self.profile().tally
+    }
+
+    /// The layouts in which it holds scenes; the two-wide tree alone where both do not fit.
+    fn layouts(&self) -> Layouts {
+        self.profile().layouts
+    }
 }
 
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.

@@ -45,11 +45,16 @@ impl How {
     }
 }
 
-/// What the kernel and the host found out of a part.
-#[derive(Debug, Default)]
+/// Where the hits and counts of a launch or walk go, by their place; either is empty where it is not wanted.
+#[derive(Debug)]
+pub(crate) struct Answers<'a> {
+    pub hits: &'a mut [Hit],
+    pub counts: &'a mut [TestCounts],
+}
+
+/// What is worth knowing of a part beside its answers.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Finished {
-    /// For each item its hit, its counts, and its place among the answers.
-    pub hits: Vec<(Hit, TestCounts, u32)>,
     /// Items that the host traced.
     pub on_host: usize,
     pub in_kernel: Duration,
@@ -60,8 +65,47 @@ pub(crate) struct Finished {
 /// Items that one thread finishes before it looks for more: some 50 µs of work.
 const CHUNK: usize = 512;
 
-/// Computes t, u and v of what was hit, and traces what is in doubt.
-pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, work: &Work, answer: &Answer<'_>) -> Finished {
+/// Some items of a part, and the answers from the first one's place on.
+struct Chunk<'a> {
+    item: u32,
+    place: u32,
+    answers: Answers<'a>,
+}
+
+/// Cuts the answers into one part for each [`CHUNK`] of items. The places of a part rise with its items.
+fn chunks<'a>(work: &Work, answers: &'a mut Answers<'_>) -> Vec<Chunk<'a>> {
+    let mut items: Vec<(u32, u32)> = (0..work.items())
+        .step_by(CHUNK)
+        .filter_map(|item| work.from(item).next().map(|(_, place)| (item, place)))
+        .collect();
+    // From the last one on, so that each takes what is behind its place.
+    let (mut hits, mut counts) = (&mut *answers.hits, &mut *answers.counts);
+    let mut chunks = Vec::with_capacity(items.len());
+    while let Some((item, place)) = items.pop() {
+        let answers = Answers { hits: cut(&mut hits, place), counts: cut(&mut counts, place) };
+        chunks.push(Chunk { item, place, answers });
+    }
+    chunks.reverse();
+    chunks
+}
+
+/// Takes what is at `place` and behind it off a slice.
+fn cut<'a, T>(rest: &mut &'a mut [T], place: u32) -> &'a mut [T] {
+    let slice = std::mem::take(rest);
+    let (front, back) = slice.split_at_mut(slice.len().min(place as usize));
+    *rest = front;
+    back
+}
+
+/// Writes the answers to a part: computes t, u and v of what was hit, and traces what is in doubt.
+pub(crate) fn finish(
+    scene: &GpuScene,
+    source: &RaySource,
+    how: How,
+    work: &Work,
+    answer: &Answer<'_>,
+    answers: &mut Answers<'_>,
+) -> Finished {
     let offload = Offload::new(scene.given());
     let one = |stack: &mut Stack, item: usize, ray: u32| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
         let counts = answer.counts.get(item).copied().unwrap_or_default();
@@ -77,19 +121,18 @@ pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, work: &Work
             },
         }
     };
-    let mut hits = vec![(Hit::MISS, TestCounts::default(), 0); work.items() as usize];
-    let parts: Vec<(usize, Option<(u32, u32)>)> = hits
-        .par_chunks_mut(CHUNK)
-        .enumerate()
+    let parts: Vec<(usize, Option<(u32, u32)>)> = chunks(work, answers)
+        .into_par_iter()
         .map_init(
             || Stack::for_scene(scene.given()),
-            |stack, (chunk, hits)| {
+            |stack, Chunk { item, place: first, answers }| {
                 let (mut on_host, mut wrong) = (0, None);
-                let first = chunk * CHUNK;
-                for (i, (out, (ray, place))) in hits.iter_mut().zip(work.from(first as u32)).enumerate() {
-                    match one(stack, first + i, ray) {
+                for (item, (ray, place)) in (item as usize..).zip(work.from(item)).take(CHUNK) {
+                    let place = (place - first) as usize;
+                    match one(stack, item, ray) {
                         Ok((hit, counts, traced)) => {
-                            *out = (hit, counts, place);
+                            answers.hits.get_mut(place).into_iter().for_each(|out| *out = hit);
+                            answers.counts.get_mut(place).into_iter().for_each(|out| *out = counts);
                             on_host += usize::from(traced);
                         }
                         Err(item) => wrong = wrong.or(Some(item)),
@@ -100,7 +143,6 @@ pub(crate) fn finish(scene: &GpuScene, source: &RaySource, how: How, work: &Work
         )
         .collect();
     Finished {
-        hits,
         on_host: parts.iter().map(|(on_host, _)| on_host).sum(),
         in_kernel: answer.in_kernel.unwrap_or_default(),
         wrong: parts.iter().find_map(|(_, wrong)| *wrong),

@@ -98,6 +98,11 @@ impl GpuScene {
         self.trees
     }
 
+    /// Whether it holds the wide tree, but only for hits, which do not depend on it.
+    pub(crate) fn can_do_without_wide(&self) -> bool {
+        self.wide.is_some() && self.trees.layouts.count == Layout::Two
+    }
+
     /// Frees what was only needed for the image.
     #[must_use]
     pub(crate) fn settled(mut self) -> Self {

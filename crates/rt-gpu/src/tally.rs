@@ -33,8 +33,8 @@ impl Tally {
         self.made.fetch_add(rays.into(), Ordering::Relaxed);
     }
 
-    pub(crate) fn add(&self, rays: usize, on_host: usize) {
-        self.rays.fetch_add(rays as u64, Ordering::Relaxed);
+    pub(crate) fn add(&self, rays: u32, on_host: usize) {
+        self.rays.fetch_add(rays.into(), Ordering::Relaxed);
         self.on_host.fetch_add(on_host as u64, Ordering::Relaxed);
     }
 }

@@ -1,6 +1,6 @@
 //! One scene on one graphics card, as the driver sees it.
 
-use crate::pending::{Finished, How, Part, Pending, finish};
+use crate::pending::{Answers, Finished, How, Part, Pending, finish};
 use crate::work::Sorter;
 use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
@@ -30,6 +30,7 @@ pub struct GpuTracer<B> {
     finished: Vec<(Ticket, Launch)>,
     next_ticket: u64,
     traffic: Traffic,
+    note: Option<String>,
 }
 
 impl<B: Board> GpuTracer<B> {
@@ -46,7 +47,15 @@ impl<B: Board> GpuTracer<B> {
             finished: Vec::new(),
             next_ticket: 0,
             traffic: Traffic::default(),
+            note: None,
         }
+    }
+
+    /// The tracer with something that reports are to say of it.
+    #[must_use]
+    pub(crate) fn with_note(mut self, note: Option<String>) -> Self {
+        self.note = note;
+        self
     }
 
     fn open(&self) -> usize {
@@ -63,14 +72,13 @@ impl<B: Board> GpuTracer<B> {
         Ok(parts)
     }
 
-    /// Waits for kernels, finishes their items on the host, shows each one's place and answer, and returns the time in
-    /// kernels.
+    /// Waits for kernels, writes the answers to their items, and returns the time in kernels.
     fn finish(
         &mut self,
         parts: &[Part],
         limit: Duration,
         how: How,
-        mut show: impl FnMut(usize, Hit, TestCounts),
+        mut answers: Answers<'_>,
     ) -> Result<Duration, DeviceError> {
         let begin = Instant::now();
         let mut in_kernel = Duration::ZERO;
@@ -80,16 +88,15 @@ impl<B: Board> GpuTracer<B> {
             let left = limit.saturating_sub(begin.elapsed());
             board.wait(*flight, left, &mut |answer| {
                 traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
-                finished = finish(scene, source, how, work, &answer);
+                finished = finish(scene, source, how, work, &answer, &mut answers);
             })?;
             if let Some((ray, slot)) = finished.wrong {
                 let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
                 return Err(DeviceError::new(DeviceErrorKind::Lost, what));
             }
-            self.tally.add(finished.hits.len(), finished.on_host);
+            self.tally.add(work.items(), finished.on_host);
             self.traffic.on_host += finished.on_host as u64;
             in_kernel += finished.in_kernel;
-            finished.hits.into_iter().for_each(|(hit, counts, place)| show(place as usize, hit, counts));
         }
         Ok(in_kernel)
     }
@@ -102,12 +109,8 @@ impl<B: Board> GpuTracer<B> {
         out.clear();
         out.hits.resize(total, Hit::MISS);
         out.counts.resize(if self.spec.counts { total } else { 0 }, TestCounts::default());
-        let in_kernel = self.finish(&parts, limit, How::Trace(self.spec), |place, hit, counts| {
-            out.hits[place] = hit;
-            if let Some(slot) = out.counts.get_mut(place) {
-                *slot = counts;
-            }
-        })?;
+        let answers = Answers { hits: &mut out.hits, counts: &mut out.counts };
+        let in_kernel = self.finish(&parts, limit, How::Trace(self.spec), answers)?;
         out.span = self.span(start, in_kernel);
         Ok(())
     }
@@ -122,12 +125,14 @@ fn no_rays() -> RaySource {
     RaySource::Explicit { rays: Arc::new([]), origins: None }
 }
 
-/// The kernel of a reduced walk.
-fn purpose_of(walk: ReducedWalk) -> Result<Purpose, DeviceError> {
+/// What is asked of the rays of a walk over a stream of `spec`.
+fn how_to(walk: Walk, spec: StreamSpec) -> Result<How, DeviceError> {
     match walk {
-        ReducedWalk::LeafAsHit => Ok(Purpose::LeafAsHit),
-        ReducedWalk::Unshortened => Ok(Purpose::Unshortened),
-        ReducedWalk::LeafPlane | ReducedWalk::Truncated => Err(DeviceError::new(
+        // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
+        Walk::Full => Ok(How::Trace(StreamSpec { counts: true, ..spec })),
+        Walk::Reduced(kind @ ReducedWalk::LeafAsHit) => Ok(How::Reduced(kind, Purpose::LeafAsHit)),
+        Walk::Reduced(kind @ ReducedWalk::Unshortened) => Ok(How::Reduced(kind, Purpose::Unshortened)),
+        Walk::Reduced(ReducedWalk::LeafPlane | ReducedWalk::Truncated) => Err(DeviceError::new(
             DeviceErrorKind::Unsupported,
             "GPUs have no kernel for this reduced walk: choose leaf-as-hit or unshortened, or add a CPU device",
         )),
@@ -135,6 +140,19 @@ fn purpose_of(walk: ReducedWalk) -> Result<Purpose, DeviceError> {
 }
 
 impl<B: Board> Tracer for GpuTracer<B> {
+    fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        if !self.pending.is_empty() {
+            return;
+        }
+        if matches!(source, RaySource::Camera(_)) {
+            self.board.prepare(Purpose::Camera);
+        }
+        self.board.prepare(How::Trace(spec).purpose());
+        if let Some(Ok(how)) = walk.map(|walk| how_to(walk, spec)) {
+            self.board.prepare(how.purpose());
+        }
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
@@ -153,22 +171,13 @@ impl<B: Board> Tracer for GpuTracer<B> {
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
         check_walk(rays, counts, hits.as_deref(), self.source.len())?;
-        let how = match walk {
-            // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-            Walk::Full => How::Trace(StreamSpec { counts: true, ..self.spec }),
-            Walk::Reduced(kind) => How::Reduced(kind, purpose_of(kind)?),
-        };
+        let how = how_to(walk, self.spec)?;
         let start = (self.clock)();
         let mut sorter = Sorter::new(self.board.window());
         sorter.rays(rays);
         let parts = self.start(how, sorter)?;
         let hits = hits.unwrap_or_default();
-        let in_kernel = self.finish(&parts, WALK_LIMIT, how, |place, hit, found| {
-            counts[place] = found;
-            if let Some(out) = hits.get_mut(place) {
-                *out = hit;
-            }
-        })?;
+        let in_kernel = self.finish(&parts, WALK_LIMIT, how, Answers { hits, counts })?;
         Ok(self.span(start, in_kernel))
     }
 
@@ -210,5 +219,9 @@ impl<B: Board> Tracer for GpuTracer<B> {
 
     fn traffic(&self) -> Traffic {
         self.traffic
+    }
+
+    fn note(&self) -> Option<&str> {
+        self.note.as_deref()
     }
 }

@@ -34,16 +34,23 @@ impl Work {
         &self.words
     }
 
-    /// Number of rays, and of answers: at least one.
+    /// No ray: for a launch that only sees to it that the kernel is ready.
+    #[must_use]
+    pub fn nothing() -> Self {
+        // The kernel's list must not be empty.
+        Self { words: vec![0; HEADER + 1], items: 0, runs: Vec::new() }
+    }
+
+    /// Number of rays, and of answers: at least one, but for [`Work::nothing`].
     #[must_use]
     pub const fn items(&self) -> u32 {
         self.items
     }
 
-    /// Invocations to start: one for each ray, or fewer, which then take rays until none is left.
+    /// Invocations to start: one for each ray, or fewer, which then take rays until none is left; at least one.
     #[must_use]
     pub fn lanes(&self) -> u32 {
-        self.words[1]
+        self.words[1].max(1)
     }
 
     fn new(runs: Vec<Run>, items: u32, first: u32, persistent: Option<u32>) -> Self {

@@ -12,9 +12,14 @@ use std::{env, fs};
 /// What keeps rounded results as they are: in the SPIR-V, and in the WGSL for APIs that compile it themselves.
 const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
+/// What every kernel reads that traces, or pretends to; after them come its rays.
+const GIVEN: &[&str] = &["bindings.wgsl", "ray.wgsl", "work.wgsl"];
+
+/// The rays, and those that tell in tests how often they were visited.
+const RAYS: [&str; 2] = ["rays.wgsl", "rays_visited.wgsl"];
+
 /// The other parts of every kernel that traces, in order; after them comes the loop over its layout.
-const PARTS: &[&str] =
-    &["bindings.wgsl", "ray.wgsl", "work.wgsl", "launch.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl"];
+const PARTS: &[&str] = &["launch.wgsl", "double_float.wgsl", "slabs.wgsl", "triangle.wgsl", "leaf.wgsl"];
 
 /// The layouts of trees: name in Rust, the loop, and sizes of the traversal stack.
 ///
@@ -38,15 +43,19 @@ const PURPOSES: &[(&str, Flags)] = &[
     ("Unshortened", Flags { any: false, count: true, reduced: true, cut: false }),
 ];
 
-/// Kernels that do wrong on purpose: name in Rust, and the parts.
-const FAULTY: &[(&str, &[&str])] = &[
-    ("Poisoned", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/poisoned.wgsl"]),
-    ("Slow", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/slow.wgsl"]),
-    ("TooWide", &["bindings.wgsl", "ray.wgsl", "work.wgsl", "faulty/too_wide.wgsl"]),
+/// Kernels for tests that trace as another one does: name in Rust, and the one of [`PURPOSES`].
+const VISITING: &[(&str, &str)] = &[("Visiting", "Closest"), ("VisitingCounted", "ClosestCounted")];
+
+/// Kernels for tests that trace nothing: name in Rust, which of [`RAYS`], and the rest.
+const PRETENDING: &[(&str, usize, &str)] = &[
+    ("Visits", 1, "visits.wgsl"),
+    ("Poisoned", 0, "faulty/poisoned.wgsl"),
+    ("Slow", 0, "faulty/slow.wgsl"),
+    ("TooWide", 0, "faulty/too_wide.wgsl"),
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "Frame", "Work", "Camera"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "Work", "Camera"];
 
 struct Flags {
     any: bool,
@@ -62,20 +71,26 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut kernels = String::from("pub(crate) static KERNELS: &[Kernel] = &[\n");
     let mut modules = Vec::new();
     for (tree, walk, stacks) in TREES {
-        let bodies = joined(&[PARTS, &[*walk]].concat())?;
+        let [bodies, visiting] = RAYS.map(|rays| joined(&[GIVEN, &[rays], PARTS, &[*walk]].concat()));
+        let (bodies, visiting) = (bodies?, visiting?);
         for (purpose, flags) in PURPOSES {
             for &stack in *stacks {
-                let preamble = preamble(flags, stack);
-                let sources = bodies.each_ref().map(|body| preamble.clone() + body);
+                let sources = with_preamble(flags, stack, &bodies);
                 modules.push(add(&mut kernels, &target, [tree, purpose], stack, &sources)?);
+            }
+            // The deepest stack will do for tests.
+            for ((name, _), stack) in VISITING.iter().filter(|(_, of)| of == purpose).zip(stacks.last()) {
+                let sources = with_preamble(flags, *stack, &visiting);
+                modules.push(add(&mut kernels, &target, [tree, name], *stack, &sources)?);
             }
         }
     }
     modules.push(add(&mut kernels, &target, ["Two", "Camera"], 0, &joined(CAMERA)?)?);
     add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
-    for (purpose, parts) in FAULTY {
+    for (purpose, rays, rest) in PRETENDING {
         // They trace nothing, so that one will do for trees of any layout and depth.
-        add(&mut kernels, &target, ["Two", purpose], u32::MAX, &joined(parts)?)?;
+        let sources = joined(&[GIVEN, &[RAYS[*rays], *rest]].concat())?;
+        add(&mut kernels, &target, ["Two", purpose], u32::MAX, &sources)?;
     }
     kernels += "];\n";
     fs::write(target.join("kernels.rs"), kernels + &layout_table(&modules)?)?;
@@ -122,12 +137,14 @@ fn add(
     Ok(module)
 }
 
-fn preamble(flags: &Flags, stack: u32) -> String {
+/// The sources behind the constants that they ask for.
+fn with_preamble(flags: &Flags, stack: u32, sources: &[String; 2]) -> [String; 2] {
     let Flags { any, count, reduced, cut } = flags;
-    format!(
+    let preamble = format!(
         "const STACK: u32 = {stack}u;\nconst ANY: bool = {any};\nconst COUNT: bool = {count};\n\
          const REDUCED: bool = {reduced};\nconst CUT: bool = {cut};\n"
-    )
+    );
+    sources.each_ref().map(|source| preamble.clone() + source)
 }
 
 fn compile(source: &str) -> Result<(naga::Module, Vec<u32>), Box<dyn Error>> {

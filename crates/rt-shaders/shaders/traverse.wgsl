@@ -17,7 +17,7 @@ struct Node {
 
 // Finds out what is asked of item `item`.
 fn solve(item: u32) {
-    let ray = rays[ray_of(item)];
+    let ray = ray_at(ray_of(item));
     if (ray.kind & (KIND_MISS | KIND_HOST)) != 0u {
         found[item] = select(DOUBTFUL, MISS, (ray.kind & KIND_MISS) != 0u);
         if COUNT {
@@ -26,11 +26,9 @@ fn solve(item: u32) {
         return;
     }
     let slabs = slabs_of(ray);
-    let dominant = ray.kind & KIND_AXIS;
-    let origin = in_order(ray.origin, dominant);
+    let origin = in_order(ray.origin, ray.kind & KIND_AXIS);
 
-    var best = MISS;
-    var limit = ray.tmax;
+    var nearest = Nearest(MISS, ray.tmax);
     var boxes = 0u;
     var tests = 0u;
     // Children left behind: index and number of triangles, and where they are entered.
@@ -46,9 +44,9 @@ fn solve(item: u32) {
         if frame.root != ROOT_EMPTY {
             // The loop trusts that every node has two children.
             let node = nodes[0];
-            var range = enter_first(slabs, node, limit);
+            var range = enter_first(slabs, node, nearest.limit);
             if frame.root == 1u {
-                range = enter_second(slabs, node, limit);
+                range = enter_second(slabs, node, nearest.limit);
             }
             boxes = 1u;
             going = range.x <= range.y;
@@ -62,8 +60,8 @@ fn solve(item: u32) {
         if next.y == 0u {
             let node = nodes[next.x];
             boxes += 2u;
-            let first = enter_first(slabs, node, limit);
-            let second = enter_second(slabs, node, limit);
+            let first = enter_first(slabs, node, nearest.limit);
+            let second = enter_second(slabs, node, nearest.limit);
             let in_first = first.x <= first.y;
             let in_second = second.x <= second.y;
             let swap = !in_first || (in_second && first.x > second.x);
@@ -78,48 +76,17 @@ fn solve(item: u32) {
         } else if REDUCED {
             tests += next.y;
             if CUT {
-                limit = entry;
+                nearest.limit = entry;
             }
         } else {
             for (var slot = next.x; slot < next.x + next.y; slot += 1u) {
                 tests += 1u;
-                let triangle = triangles[slot];
-                let a = vec3<f32>(triangle.vertices[0], triangle.vertices[1], triangle.vertices[2]);
-                let b = vec3<f32>(triangle.vertices[3], triangle.vertices[4], triangle.vertices[5]);
-                let c = vec3<f32>(triangle.vertices[6], triangle.vertices[7], triangle.vertices[8]);
-                let p = in_order(a, dominant);
-                let q = in_order(b, dominant);
-                let r = in_order(c, dominant);
-                if clearly_misses(ray, slabs.reach, origin, p, q, r) {
-                    continue;
-                }
-                if ray.excluded != MISS && primitives[slot] == ray.excluded {
-                    continue;
-                }
-                let meeting = meet(ray, limit, origin, p, q, r);
-                if meeting.verdict == MISSES {
-                    continue;
-                }
-                if meeting.verdict == HITS && meeting.t == limit && best != MISS && primitives[slot] >= primitives[best] {
-                    continue;
-                }
-                if meeting.verdict == IN_DOUBT {
-                    // A hit counts only where the ray enters the triangle's own box. One that is certain exists, so the
-                    // padded box test cannot refuse it; for a doubtful one it often settles the matter.
-                    let range = enter(slabs, min(min(a, b), c), max(max(a, b), c), limit);
-                    if range.x > range.y {
-                        continue;
-                    }
-                    best = DOUBTFUL;
-                    break;
-                }
-                best = slot;
-                limit = meeting.t;
-                if ANY {
+                nearest = nearest_with(ray, slabs.reach, origin, slot, nearest);
+                if is_settled(nearest) {
                     break;
                 }
             }
-            if best == DOUBTFUL || (ANY && best != MISS) {
+            if is_settled(nearest) {
                 break;
             }
         }
@@ -129,11 +96,11 @@ fn solve(item: u32) {
             used -= 1u;
             next = behind[used];
             entry = entries[used];
-            going = entry <= limit;
+            going = entry <= nearest.limit;
         }
     }
 
-    found[item] = best;
+    found[item] = nearest.slot;
     if COUNT {
         counts[item] = vec2<u32>(boxes, tests);
     }

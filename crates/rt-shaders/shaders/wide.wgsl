@@ -35,7 +35,7 @@ struct Entered {
 
 // Finds out what is asked of item `item`.
 fn solve(item: u32) {
-    let ray = rays[ray_of(item)];
+    let ray = ray_at(ray_of(item));
     if (ray.kind & (KIND_MISS | KIND_HOST)) != 0u {
         found[item] = select(DOUBTFUL, MISS, (ray.kind & KIND_MISS) != 0u);
         if COUNT {
@@ -45,11 +45,9 @@ fn solve(item: u32) {
     }
     let padding = padding_of(ray);
     let slabs = wide_slabs_of(ray, padding.xyz * 2.0);
-    let dominant = ray.kind & KIND_AXIS;
-    let origin = in_order(ray.origin, dominant);
+    let origin = in_order(ray.origin, ray.kind & KIND_AXIS);
 
-    var best = MISS;
-    var limit = ray.tmax;
+    var nearest = Nearest(MISS, ray.tmax);
     var boxes = 0u;
     var tests = 0u;
     // Nodes to be visited: the first node of their parent; and in one word, in the order of visits from the uppermost bit down,
@@ -70,57 +68,26 @@ fn solve(item: u32) {
         }
         let node = nodes[index];
         boxes += 8u;
-        let entered = enter_wide(slabs, node, limit);
+        let entered = enter_wide(slabs, node, nearest.limit);
         next = vec2<u32>(node.words[1].x, (entered.hits & NODE_BITS) | (node.words[0].w >> 24u));
 
         var left = entered.hits & ~NODE_BITS;
         if REDUCED {
             tests += countOneBits(left);
             if CUT && left != 0u {
-                limit = entered.entry;
+                nearest.limit = entered.entry;
             }
         } else {
             while left != 0u {
                 let place = node.words[1].y + countTrailingZeros(left);
                 left &= left - 1u;
                 tests += 1u;
-                let triangle = triangles[place];
-                let a = vec3<f32>(triangle.vertices[0], triangle.vertices[1], triangle.vertices[2]);
-                let b = vec3<f32>(triangle.vertices[3], triangle.vertices[4], triangle.vertices[5]);
-                let c = vec3<f32>(triangle.vertices[6], triangle.vertices[7], triangle.vertices[8]);
-                let p = in_order(a, dominant);
-                let q = in_order(b, dominant);
-                let r = in_order(c, dominant);
-                if clearly_misses(ray, padding.w, origin, p, q, r) {
-                    continue;
-                }
-                if ray.excluded != MISS && primitives[place] == ray.excluded {
-                    continue;
-                }
-                let meeting = meet(ray, limit, origin, p, q, r);
-                if meeting.verdict == MISSES {
-                    continue;
-                }
-                if meeting.verdict == HITS && meeting.t == limit && best != MISS
-                    && primitives[place] >= primitives[best] {
-                    continue;
-                }
-                if meeting.verdict == IN_DOUBT {
-                    // As over the two-wide layout: the triangle's own box often settles the matter.
-                    let range = enter(slabs_of(ray), min(min(a, b), c), max(max(a, b), c), limit);
-                    if range.x > range.y {
-                        continue;
-                    }
-                    best = DOUBTFUL;
-                    break;
-                }
-                best = place;
-                limit = meeting.t;
-                if ANY {
+                nearest = nearest_with(ray, padding.w, origin, place, nearest);
+                if is_settled(nearest) {
                     break;
                 }
             }
-            if best == DOUBTFUL || (ANY && best != MISS) {
+            if is_settled(nearest) {
                 break;
             }
         }
@@ -133,7 +100,7 @@ fn solve(item: u32) {
         }
     }
 
-    found[item] = best;
+    found[item] = nearest.slot;
     if COUNT {
         counts[item] = vec2<u32>(boxes, tests);
     }

@@ -58,6 +58,12 @@ pub enum Purpose {
     Camera,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
+    /// For tests: as [`Purpose::Closest`], and each ray counts how often it was visited since it was loaded.
+    Visiting,
+    /// For tests: as [`Purpose::ClosestCounted`], and each ray counts its visits.
+    VisitingCounted,
+    /// For tests, no traversal: the visits that a ray counted, in place of its box tests.
+    Visits,
     /// Wrong on purpose, for tests: every ray misses.
     Poisoned,
     /// Wrong on purpose, for tests: takes a second or more, and most rays are not answered.
@@ -70,10 +76,18 @@ impl Purpose {
     /// Whether the kernel writes counts.
     #[must_use]
     pub const fn counts(self) -> bool {
-        matches!(self, Self::ClosestCounted | Self::AnyCounted | Self::LeafAsHit | Self::Unshortened)
+        matches!(
+            self,
+            Self::ClosestCounted
+                | Self::AnyCounted
+                | Self::LeafAsHit
+                | Self::Unshortened
+                | Self::VisitingCounted
+                | Self::Visits
+        )
     }
 
-    /// Whether the kernel traces, or does so wrongly on purpose.
+    /// Whether the kernel reads a launch's rays: it traces, or does so wrongly on purpose, or tells of visits.
     #[must_use]
     pub const fn traces(self) -> bool {
         !matches!(self, Self::Camera | Self::Arithmetic)
@@ -184,6 +198,7 @@ mod tests {
         ]
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
+        assert_eq!(layout("VisitedRay"), layout("Ray"));
         assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
         assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
         let camera = [
@@ -210,9 +225,12 @@ mod tests {
 
     #[test]
     fn every_purpose_has_a_kernel_for_every_depth() {
-        use Purpose::{Any, AnyCounted, Closest, ClosestCounted, LeafAsHit, Unshortened};
+        use Purpose::{Any, AnyCounted, Closest, ClosestCounted, LeafAsHit, Unshortened, Visiting, VisitingCounted};
         for layout in [Layout::Two, Layout::Wide] {
-            for purpose in [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened] {
+            let tests_own = [Visiting, VisitingCounted];
+            for purpose in
+                [Closest, ClosestCounted, Any, AnyCounted, LeafAsHit, Unshortened].into_iter().chain(tests_own)
+            {
                 for depth in 0..=MAX_DEPTH {
                     let kernel = kernel(layout, purpose, depth).expect("one for each depth");
                     assert!(kernel.stack >= depth && (kernel.layout, kernel.purpose) == (layout, purpose));
@@ -238,6 +256,11 @@ mod tests {
                 Purpose::Camera => assert_eq!(bindings, [(4, false), (5, false), (6, true)]),
                 // They visit no node.
                 purpose if purpose.is_faulty() => assert_eq!(kernel.bindings, &all[1..]),
+                Purpose::Visiting | Purpose::VisitingCounted | Purpose::Visits => {
+                    let others = |b: &&Binding| b.binding != 4 && b.binding != 0;
+                    assert!(kernel.bindings.iter().filter(others).eq(all.iter().filter(others)));
+                    assert!(kernel.bindings.iter().any(|b| b.binding == 4 && b.written));
+                }
                 _ => assert_eq!(kernel.bindings, all),
             }
         }
@@ -246,7 +269,8 @@ mod tests {
     /// Fails when the build leaves out the pass over the SPIR-V.
     #[test]
     fn every_sum_and_product_is_kept_apart() {
-        for kernel in KERNELS.iter().filter(|kernel| !kernel.purpose.is_faulty()) {
+        let computes = |kernel: &&Kernel| !kernel.purpose.is_faulty() && kernel.purpose != Purpose::Visits;
+        for kernel in KERNELS.iter().filter(computes) {
             let words = kernel.spirv();
             let (mut decorated, mut arithmetic) = (Vec::new(), Vec::new());
             let mut at = 5;

@@ -148,7 +148,7 @@ impl Suite {
     /// # Errors
     /// When `watch` says stop.
     pub fn run(&self, subject: &Subject, watch: Watch<'_>) -> Result<DeviceReport, Stopped> {
-        self.run_cases(&cases::ALL, subject, watch)
+        self.run_chosen(&cases::ALL, subject, watch)
     }
 
     /// Tries the case called `name` only; without such a case the report is empty.
@@ -156,8 +156,22 @@ impl Suite {
     /// # Errors
     /// When `watch` says stop.
     pub fn run_case(&self, name: &str, subject: &Subject, watch: Watch<'_>) -> Result<DeviceReport, Stopped> {
-        let chosen: Vec<Case> = cases::ALL.into_iter().filter(|case| case.name == name).collect();
-        self.run_cases(&chosen, subject, watch)
+        self.run_cases(&[name], subject, watch)
+    }
+
+    /// Tries the cases with these names, in the suite's order; names that no case has are passed over.
+    ///
+    /// # Errors
+    /// When `watch` says stop.
+    pub fn run_cases(
+        &self,
+        names: &[impl AsRef<str>],
+        subject: &Subject,
+        watch: Watch<'_>,
+    ) -> Result<DeviceReport, Stopped> {
+        let wanted = |case: &Case| names.iter().any(|name| name.as_ref() == case.name);
+        let chosen: Vec<Case> = cases::ALL.into_iter().filter(wanted).collect();
+        self.run_chosen(&chosen, subject, watch)
     }
 
     /// The names of all cases, in the order in which they run.
@@ -165,7 +179,7 @@ impl Suite {
         cases::ALL.into_iter().map(|case| case.name)
     }
 
-    fn run_cases(&self, cases: &[Case], subject: &Subject, watch: Watch<'_>) -> Result<DeviceReport, Stopped> {
+    fn run_chosen(&self, cases: &[Case], subject: &Subject, watch: Watch<'_>) -> Result<DeviceReport, Stopped> {
         let info = subject.device.info();
         let trial = Trial {
             suite: self,

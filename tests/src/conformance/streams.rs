@@ -5,8 +5,8 @@ use super::fixtures;
 use super::session::{Session, ensure, same_hits};
 use glam::Vec3;
 use rt_core::{
-    Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, Scene, SceneParts, StreamSpec,
-    Task, TestCounts, morton, random, tasks_of,
+    Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, SceneParts,
+    StreamSpec, Task, TestCounts, Walk, morton, random, tasks_of,
 };
 use std::sync::Arc;
 
@@ -16,6 +16,7 @@ pub(super) const CASES: &[Case] = &[
     Case { name: "masked_rays_are_left_out", run: masked_rays_are_left_out },
     Case { name: "rays_can_be_replaced", run: rays_can_be_replaced },
     Case { name: "camera_rays_equal_explicit_rays", run: camera_rays_equal_explicit_rays },
+    Case { name: "getting_ready_changes_nothing", run: getting_ready_changes_nothing },
     Case { name: "nothing_is_an_answer_to_nothing", run: nothing_is_an_answer_to_nothing },
 ];
 
@@ -62,6 +63,33 @@ fn only_asked_tasks_come_back(device: &dyn Device) -> Result<(), String> {
         let expected: Vec<Hit> = tasks.iter().flat_map(slice).collect();
         same_hits(&format!("{tasks:?}"), &launch.hits, &expected)?;
     }
+    Ok(())
+}
+
+/// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a kernel
+/// that only gets ready writes where results go, or the loaded rays are lost.
+fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
+    let fixture = fixtures::plain()?;
+    let whole = Session::whole(device, &fixture.scene, &fixture.rays, SPEC)?;
+    let walks = [
+        None,
+        Some(Walk::Full),
+        Some(Walk::Reduced(ReducedWalk::LeafAsHit)),
+        Some(Walk::Reduced(ReducedWalk::Truncated)),
+    ];
+    let other = RaySource::Explicit { rays: [Ray::new(Vec3::ZERO, Vec3::X)].into(), origins: None };
+    let mut session = Session::open(device, &fixture.scene)?;
+    let prepare = |session: &mut Session| {
+        for (walk, query) in walks.into_iter().flat_map(|walk| [(walk, Query::Closest), (walk, Query::Any)]) {
+            session.tracer().prepare(&other, StreamSpec { query, ..SPEC }, walk);
+        }
+    };
+    prepare(&mut session);
+    session.load(&fixture.rays, SPEC)?;
+    prepare(&mut session);
+    let found = session.trace(&session.all(), None)?;
+    same_hits("after getting ready", &found.hits, &whole.hits)?;
+    ensure!(found.counts == whole.counts, "after getting ready: other counts");
     Ok(())
 }
 

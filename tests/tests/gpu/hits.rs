@@ -2,6 +2,7 @@
 
 use crate::{Found, LIMIT};
 use libtest_mimic::Failed;
+use rayon::prelude::*;
 use rt_bvh::Builder;
 use rt_core::{
     Device, Hit, Launch, Query, Ray, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Tracer, Triangle, Walk,
@@ -17,7 +18,7 @@ use std::sync::Arc;
 /// Rays of each kind of query on each scene.
 const RAYS: u32 = 6_000;
 
-/// Rays that must not leak, for all devices of a backend together: `RAYBALANCE_LEAK_RAYS`, or this many.
+/// Rays that must not leak, for all devices of a backend together. `raybalance verify --full --case watertight` tries 10⁸.
 const LEAK_RAYS: u32 = 1_000_000;
 
 /// Of those, rays loaded at once: what every device binds.
@@ -109,8 +110,7 @@ pub(crate) fn compare_rays(device: &dyn Device, scene: &Arc<Scene>, rays: &[(Ray
 /// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. The rays are shared
 /// out among the `devices` of a backend.
 pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result<(), Failed> {
-    let wanted = std::env::var("RAYBALANCE_LEAK_RAYS").ok().and_then(|n| n.parse().ok()).unwrap_or(LEAK_RAYS);
-    let each = wanted.div_ceil(devices as u32).div_ceil(3);
+    let each = LEAK_RAYS.div_ceil(devices as u32).div_ceil(3);
     // Every device has rays of its own.
     let first = each * found.position as u32;
     let offsets = [glam::Vec3::ZERO, glam::Vec3::new(1e3, -2e3, 7.0), glam::Vec3::new(1e6, -1e6, 1e6)];
@@ -121,7 +121,7 @@ pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result
         let query = if offset.x == 1e3 { Query::Any } else { Query::Closest };
         let indices: Vec<u32> = (first..first + each).collect();
         for batch in indices.chunks(LEAK_BATCH) {
-            let rays: Vec<(Ray, u32)> = batch.iter().map(|&i| inner_ray(&triangles, offset, i)).collect();
+            let rays: Vec<(Ray, u32)> = batch.par_iter().map(|&i| inner_ray(&triangles, offset, i)).collect();
             let launch = trace(&*found.device, &scene, &rays, StreamSpec { query, ..StreamSpec::default() })?;
             leaks += launch.hits.iter().filter(|hit| !hit.is_hit()).count();
             traced += rays.len();

@@ -9,6 +9,7 @@ mod hits;
 mod limits;
 mod mixed;
 mod spirv;
+mod visits;
 mod vulkan;
 mod wgpu;
 
@@ -16,7 +17,7 @@ use backend_vulkan::{OpenError, VulkanDevice};
 use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_core::Device;
-use rt_gpu::GpuDevice;
+use rt_gpu::{GpuDevice, Trouble, Tuning};
 use rt_scene::builtin;
 use rt_tests::conformance::{Subject, trials};
 use rt_tests::scenes;
@@ -57,23 +58,32 @@ impl Backend {
 
     /// Every device of the system, in its order; Vulkan's with the validation layer if it is there or required.
     fn enumerate(self) -> Result<Vec<Opened>, String> {
-        fn upcast<T: GpuDevice + 'static, E: Display>(found: Vec<Result<T, E>>) -> Vec<Opened> {
-            let upcast = |device| Arc::new(device) as Arc<dyn GpuDevice>;
-            found.into_iter().map(|found| found.map(upcast).map_err(|e| e.to_string())).collect()
+        self.enumerate_with(None, Tuning::default())
+    }
+
+    /// The same, opened with what a test wants of them.
+    fn enumerate_with(self, trouble: Option<Trouble>, tuning: Tuning) -> Result<Vec<Opened>, String> {
+        fn all<T, D: GpuDevice + 'static, E: Display>(
+            found: Result<Vec<Result<T, E>>, E>,
+            tuned: impl Fn(T) -> D,
+        ) -> Result<Vec<Opened>, String> {
+            let upcast = |device| Arc::new(tuned(device)) as Arc<dyn GpuDevice>;
+            let each = |found: Result<T, E>| found.map(upcast).map_err(|e| e.to_string());
+            Ok(found.map_err(|e| e.to_string())?.into_iter().map(each).collect())
         }
         match self {
             Self::Vulkan => {
-                let open =
-                    |validation| VulkanDevice::enumerate(backend_vulkan::Options { validation, ..Default::default() });
-                match open(true) {
+                let options = backend_vulkan::Options { trouble, ..Default::default() };
+                let open = |validation| VulkanDevice::enumerate(backend_vulkan::Options { validation, ..options });
+                let found = match open(true) {
                     Err(OpenError::NoValidation) if !self.is_required() => open(false),
                     found => found,
-                }
-                .map(upcast)
-                .map_err(|e| e.to_string())
+                };
+                all(found, |device| device.tuned(tuning))
             }
             Self::Wgpu => {
-                WgpuDevice::enumerate(backend_wgpu::Options::default()).map(upcast).map_err(|e| e.to_string())
+                let options = backend_wgpu::Options { trouble, ..Default::default() };
+                all(WgpuDevice::enumerate(options), |device| device.tuned(tuning))
             }
         }
     }
@@ -118,6 +128,7 @@ fn main() {
         all.extend(trials(subjects));
         let count = found.len();
         all.extend(found.iter().flat_map(|found| of_device(found, count)));
+        all.extend(visits::trials(backend, &found));
         devices.extend(found);
     }
     all.extend(mixed::trials(&devices));

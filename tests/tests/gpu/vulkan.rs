@@ -1,11 +1,16 @@
 //! The validation layer.
 
-use crate::{Backend, Found};
+use crate::{Backend, Found, limits};
 use backend_vulkan::{OpenError, Options, VulkanDevice};
 use libtest_mimic::{Completion, Failed, Trial};
 
 pub(crate) fn trials(found: &Found) -> Vec<Trial> {
-    vec![found.ignorable("the_validation_layer_is_at_work", the_validation_layer_is_at_work)]
+    let mut all = vec![found.ignorable("the_validation_layer_is_at_work", the_validation_layer_is_at_work)];
+    if found.position == 0 {
+        let test = limits::a_card_too_small_for_both_trees_holds_one;
+        all.push(found.trial("a_card_too_small_for_both_trees_holds_one", test));
+    }
+    all
 }
 
 /// A wrong call is objected to: else no message in the other tests would mean nothing.

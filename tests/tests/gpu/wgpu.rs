@@ -81,7 +81,7 @@ fn a_kernel_that_does_not_compile_is_unsupported(found: &Found) -> Result<(), Fa
 
 /// The device traces, not the host: with a kernel that finds nothing, nothing is found.
 fn a_poisoned_kernel_changes_hits(found: &Found) -> Result<(), Failed> {
-    let poisoned = |kernel: &'static Kernel| kernel.wgsl.replace("found[item] = best;", "found[item] = MISS;");
+    let poisoned = |kernel: &'static Kernel| kernel.wgsl.replace("found[item] = nearest.slot;", "found[item] = MISS;");
     let device = open(found, Options { kernels: Some(poisoned), ..Options::default() })?;
     let launch = trace_one(&device, LIMIT)?;
     let honest = trace_one(&open(found, Options::default())?, LIMIT)?;
@@ -116,8 +116,8 @@ fn a_launch_that_takes_too_long_is_hung(found: &Found) -> Result<(), Failed> {
         _ => {
             let wait = "var round = work.count;\n    while round != 1u { round = select(round * 3u + 1u, round / 2u, \
                         round % 2u == 0u); }\n    for (var i = 0u; i < 20000000u * round; i += 1u) { found[item] = i ^ work.count; }\n    \
-                        found[item] = best;";
-            kernel.wgsl.replacen("found[item] = best;", wait, 1)
+                        found[item] = nearest.slot;";
+            kernel.wgsl.replacen("found[item] = nearest.slot;", wait, 1)
         }
     };
     let device = open(found, Options { kernels: Some(slow), ..Options::default() })?;

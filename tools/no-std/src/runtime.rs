@@ -14,7 +14,9 @@ const HEAP: usize = 1 << 20;
 const PANICKED: i32 = 101;
 
 /// Where the kernel jumps to.
+// SAFETY: without libc nothing else has this name, and the linker wants it.
 #[unsafe(no_mangle)]
+// SAFETY: the assembly calls `start`, which does not return, on the stack that the kernel made.
 #[unsafe(naked)]
 extern "C" fn _start() -> ! {
     // A call, not a jump: the ABI wants the stack 16-byte aligned before the call pushes the return address.
@@ -37,6 +39,7 @@ fn panic(_: &PanicInfo<'_>) -> ! {
 }
 
 /// Named by the unwind tables of the precompiled alloc; nothing unwinds here, so nothing calls it.
+// SAFETY: without std nothing else has this name.
 #[unsafe(no_mangle)]
 extern "C" fn rust_eh_personality() {}
 
@@ -52,6 +55,7 @@ unsafe impl Sync for Bump {}
 // SAFETY: a successful `fetch_update` gives the range `start..end` of the block, aligned and inside it, to this call
 // alone.
 unsafe impl GlobalAlloc for Bump {
+    // SAFETY: sound whatever the layout.
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let base = self.block.get().cast::<u8>();
         let address = base as usize;
@@ -66,6 +70,7 @@ unsafe impl GlobalAlloc for Bump {
         }
     }
 
+    // SAFETY: does nothing.
     unsafe fn dealloc(&self, _: *mut u8, _: Layout) {}
 }
 
@@ -75,6 +80,7 @@ static HEAP_BLOCK: Bump = Bump { block: UnsafeCell::new([0; HEAP]), used: Atomic
 // The compiler turns copies into calls of these by name. Volatile accesses keep it from recognising the loops below as
 // copies in their turn, which would make each function call itself for ever.
 
+// SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, bytes: usize) -> *mut u8 {
     for i in 0..bytes {
@@ -84,6 +90,7 @@ unsafe extern "C" fn memcpy(to: *mut u8, from: *const u8, bytes: usize) -> *mut 
     to
 }
 
+// SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, bytes: usize) -> *mut u8 {
     let copy = |i: usize| {
@@ -98,6 +105,7 @@ unsafe extern "C" fn memmove(to: *mut u8, from: *const u8, bytes: usize) -> *mut
     to
 }
 
+// SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memset(to: *mut u8, byte: i32, bytes: usize) -> *mut u8 {
     for i in 0..bytes {
@@ -107,6 +115,7 @@ unsafe extern "C" fn memset(to: *mut u8, byte: i32, bytes: usize) -> *mut u8 {
     to
 }
 
+// SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, bytes: usize) -> i32 {
     for i in 0..bytes {
@@ -119,6 +128,7 @@ unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, bytes: usize) -> i32 {
     0
 }
 
+// SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn bcmp(a: *const u8, b: *const u8, bytes: usize) -> i32 {
     // SAFETY: the same contract.

@@ -79,6 +79,10 @@ impl FaultyTracer {
 }
 
 impl Tracer for FaultyTracer {
+    fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        self.inner.prepare(source, spec, walk);
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         self.strike(false)?;
         self.inner.load_rays(source, spec)
@@ -107,5 +111,9 @@ impl Tracer for FaultyTracer {
 
     fn traffic(&self) -> Traffic {
         self.inner.traffic()
+    }
+
+    fn note(&self) -> Option<&str> {
+        self.inner.note()
     }
 }

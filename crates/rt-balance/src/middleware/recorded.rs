@@ -78,6 +78,10 @@ impl RecordedTracer {
 }
 
 impl Tracer for RecordedTracer {
+    fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        self.inner.prepare(source, spec, walk);
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         let rays = source.len();
         self.inner.load_rays(source, spec)?;
@@ -111,5 +115,9 @@ impl Tracer for RecordedTracer {
 
     fn traffic(&self) -> Traffic {
         self.inner.traffic()
+    }
+
+    fn note(&self) -> Option<&str> {
+        self.inner.note()
     }
 }

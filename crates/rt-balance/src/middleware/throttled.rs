@@ -59,6 +59,10 @@ impl ThrottledTracer {
 }
 
 impl Tracer for ThrottledTracer {
+    fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
+        self.inner.prepare(source, spec, walk);
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         self.inner.load_rays(source, spec)
     }
@@ -89,5 +93,9 @@ impl Tracer for ThrottledTracer {
 
     fn traffic(&self) -> Traffic {
         self.inner.traffic()
+    }
+
+    fn note(&self) -> Option<&str> {
+        self.inner.note()
     }
 }

@@ -30,7 +30,7 @@ const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     interrupt::watch();
-    let devices = open_named(args.devices.as_deref())?;
+    let devices = open_named(args.devices.as_deref(), &args.cards)?;
     let scenes = match &args.scenes[..] {
         [] => vec!["yard".to_owned(), "car".to_owned()],
         named => named.to_vec(),

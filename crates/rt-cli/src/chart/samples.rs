@@ -46,6 +46,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         rays: 1_048_576,
         tasks: 1024,
         estimate,
+        setup_s: 0.0,
         makespan_s: 2.0,
         imbalance: Some(0.01),
         lower_bound_s: None,

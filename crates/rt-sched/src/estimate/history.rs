@@ -3,7 +3,7 @@
 use super::Sampled;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
-use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Task, Work};
+use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Task, Walk, Work};
 
 /// Predicts a stream from the last one of its kind and part, corrected by how long its tasks really took.
 ///
@@ -71,6 +71,10 @@ impl Default for History {
 impl CostEstimator for History {
     fn name(&self) -> &'static str {
         "history"
+    }
+
+    fn walk(&self) -> Option<Walk> {
+        self.inner.walk()
     }
 
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {

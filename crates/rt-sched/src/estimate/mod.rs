@@ -32,7 +32,7 @@ pub use history::History;
 pub use sampled::{Sampled, interval_95};
 
 use alloc::vec::Vec;
-use rt_core::{CostEstimator, Observation, RayStream, Step, Task, Work};
+use rt_core::{CostEstimator, Observation, RayStream, Step, Task, Walk, Work};
 
 /// One box test for each ray, so that every cost model prices it.
 fn uniform(tasks: &[Task]) -> Vec<Work> {
@@ -48,6 +48,10 @@ pub struct Uniform;
 impl CostEstimator for Uniform {
     fn name(&self) -> &'static str {
         "uniform"
+    }
+
+    fn walk(&self) -> Option<Walk> {
+        None
     }
 
     fn next(&mut self, stream: RayStream<'_>, _: Observation<'_>) -> Step {

@@ -48,6 +48,10 @@ impl CostEstimator for Sampled {
         }
     }
 
+    fn walk(&self) -> Option<Walk> {
+        Some(self.walk)
+    }
+
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
         if self.asked.is_answered(stream, seen) {
             return Step::Done(Batch { stream, seen }.extrapolated());

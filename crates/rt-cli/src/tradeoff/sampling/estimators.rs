@@ -126,6 +126,10 @@ impl CostEstimator for SampledAs {
         self.inner.chosen()
     }
 
+    fn walk(&self) -> Option<Walk> {
+        self.inner.walk()
+    }
+
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
         self.inner.next(self.seen_as(stream), seen)
     }

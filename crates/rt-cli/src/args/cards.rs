@@ -1,0 +1,42 @@
+//! How graphics cards are used.
+
+use clap::{Args, ValueEnum};
+use rt_balance::vulkan::{Layout, Layouts, Tuning};
+
+/// Choices about graphics cards, none of which changes a hit.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct CardArgs {
+    /// Tree that graphics cards find hits over; tests are counted over the two-wide one
+    #[arg(long, value_enum, default_value_t = LayoutArg::Auto)]
+    pub(crate) layout: LayoutArg,
+    /// Lanes of each launch on graphics cards, which take ray after ray until none is left (persistent threads): best as many
+    /// as the card runs at once [default: a lane for each ray]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(crate) persistent: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutArg {
+    /// The wide one, unless it does not fit
+    #[default]
+    Auto,
+    /// The scene's own, two children to a node
+    Two,
+    /// Eight children to a node, compressed; the two-wide one where it does not fit
+    Wide,
+}
+
+impl CardArgs {
+    /// As backends take it; `None` leaves the choice to them.
+    pub(crate) const fn layouts(self) -> Option<Layouts> {
+        match self.layout {
+            LayoutArg::Auto => None,
+            LayoutArg::Two => Some(Layouts { trace: Layout::Two, count: Layout::Two }),
+            LayoutArg::Wide => Some(Layouts { trace: Layout::Wide, count: Layout::Two }),
+        }
+    }
+
+    pub(crate) fn tuning(self) -> Tuning {
+        Tuning { persistent_lanes: self.persistent, ..Tuning::default() }
+    }
+}

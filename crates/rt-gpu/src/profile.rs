@@ -1,0 +1,62 @@
+//! What backends keep of an opened card, and how they make a tracer of a scene.
+
+use crate::{Board, Card, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Tuning};
+use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
+use std::sync::Arc;
+
+/// What a backend keeps of an opened card, beside what its API needs.
+#[derive(Debug)]
+pub struct Profile {
+    /// What the driver says of it, for people.
+    pub card: Card,
+    /// What it is, for the driver of a run.
+    pub info: DeviceInfo,
+    /// The layouts in which it is to hold scenes.
+    pub layouts: Layouts,
+    /// How its tracers make their launches.
+    pub tuning: Tuning,
+    /// What they did.
+    pub tally: Arc<Tally>,
+}
+
+impl Profile {
+    /// A card that `backend` reached, with `memory` bytes for scenes where that is known; without `layouts`,
+    /// [`Layouts::USUAL`].
+    #[must_use]
+    pub fn new(backend: &'static str, memory: Option<u64>, card: Card, layouts: Option<Layouts>) -> Self {
+        let info = DeviceInfo {
+            name: card.name.clone(),
+            backend,
+            // Neither API tells.
+            units: 1,
+            in_flight: IN_FLIGHT,
+            memory,
+        };
+        let layouts = layouts.unwrap_or(Layouts::USUAL);
+        Self { card, info, layouts, tuning: Tuning::default(), tally: Arc::default() }
+    }
+
+    /// A tracer of `scene`, which `board` brings to the card. Where it does not fit with both trees, and only hits were to be
+    /// found over the wide one, the two-wide tree alone is tried, and the tracer notes it.
+    ///
+    /// # Errors
+    /// Those of `board`.
+    pub fn tracer<B: Board + 'static>(
+        &self,
+        scene: Arc<Scene>,
+        clock: Clock,
+        board: impl Fn(&GpuScene) -> Result<B, DeviceError>,
+    ) -> Result<Box<dyn Tracer>, DeviceError> {
+        let mut held = GpuScene::new(Arc::clone(&scene), self.layouts);
+        let (mut made, mut note) = (board(&held), None);
+        if let Err(error) = &made
+            && error.kind() == DeviceErrorKind::OutOfMemory
+            && held.can_do_without_wide()
+        {
+            note = Some(format!("walks the two-wide tree alone: {error}"));
+            held = GpuScene::from(scene);
+            made = board(&held);
+        }
+        Ok(Box::new(GpuTracer::new(made?, held, clock, Arc::clone(&self.tally)).with_note(note)))
+    }
+}
