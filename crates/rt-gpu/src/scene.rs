@@ -29,7 +29,7 @@ impl Layouts {
     #[must_use]
     pub const fn of(self, purpose: Purpose) -> Layout {
         match purpose {
-            Purpose::Arithmetic | Purpose::Camera => Layout::Two,
+            Purpose::Arithmetic | Purpose::Camera | Purpose::Bounce => Layout::Two,
             purpose if purpose.counts() => self.count,
             _ => self.trace,
         }
@@ -116,6 +116,17 @@ impl GpuScene {
     /// The scene as it was given.
     pub(crate) fn given(&self) -> &Scene {
         &self.given
+    }
+
+    /// For each primitive, where its triangle is on the device; `u32::MAX` where it has none.
+    pub(crate) fn slots_of_primitives(&self) -> Vec<u32> {
+        let mut slots = vec![u32::MAX; self.given.primitive_count() as usize];
+        let ids = self.given.primitives();
+        for slot in 0..ids.len() {
+            let given = self.slots.get(slot).map_or(slot, |given| *given as usize);
+            slots[ids.get(given) as usize] = slot as u32;
+        }
+        slots
     }
 
     /// The hit of a ray with the triangle at a slot of the device's order.
