@@ -60,8 +60,8 @@ pub(crate) struct Shared {
     /// Runs in place of every kernel that traces, where a test wants it to.
     instead: Option<Purpose>,
     kernels: Option<fn(&'static Kernel) -> Vec<u32>>,
-    /// Whether it makes the host's camera rays; asked when the first are wanted.
-    makes_rays: OnceLock<bool>,
+    /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
+    makes: [OnceLock<bool>; 2],
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
     pub tally: Arc<Tally>,
@@ -136,7 +136,7 @@ impl VulkanDevice {
             layout: Arc::new(layout),
             instead,
             kernels: options.kernels,
-            makes_rays: OnceLock::new(),
+            makes: [const { OnceLock::new() }; 2],
             abandoned: Abandoned::default(),
             logical,
             tally: Arc::default(),
@@ -160,7 +160,13 @@ impl VulkanDevice {
     /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
     #[must_use]
     pub fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
+        self.shared.makes(Purpose::Camera)
+    }
+
+    /// The same of rays that leave surfaces.
+    #[must_use]
+    pub fn makes_bounces(&self) -> bool {
+        self.shared.makes(Purpose::Bounce)
     }
 
     /// The layouts in which it holds scenes.
@@ -233,9 +239,15 @@ impl GpuDevice for VulkanDevice {
 }
 
 impl Shared {
-    pub(crate) fn makes_rays(&self) -> bool {
+    /// Whether a kernel that makes rays makes those of the host.
+    pub(crate) fn makes(&self, purpose: Purpose) -> bool {
+        let [camera, bounce] = &self.makes;
         // A device that is lost will say so when it is used.
-        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+        match purpose {
+            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
+            Purpose::Bounce => *bounce.get_or_init(|| matches!(probe::check_bounces(self), Ok(None))),
+            _ => false,
+        }
     }
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.

@@ -51,8 +51,8 @@ pub struct WgpuDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
-    /// Whether it makes the host's camera rays; asked when the first are wanted.
-    makes_rays: OnceLock<bool>,
+    /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
+    makes: [OnceLock<bool>; 2],
     /// Launches so far, walks too.
     launches: AtomicU32,
     pub opened: Arc<Opened>,
@@ -110,7 +110,7 @@ impl WgpuDevice {
         let shared = Shared {
             pipelines: Mutex::default(),
             options,
-            makes_rays: OnceLock::new(),
+            makes: [const { OnceLock::new() }; 2],
             launches: AtomicU32::default(),
             opened: Arc::new(opened),
             tally: Arc::default(),
@@ -134,7 +134,13 @@ impl WgpuDevice {
     /// Whether the device makes camera rays itself: where it does not make the host's bits, the host prepares them.
     #[must_use]
     pub fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
+        self.shared.makes(Purpose::Camera)
+    }
+
+    /// The same of rays that leave surfaces.
+    #[must_use]
+    pub fn makes_bounces(&self) -> bool {
+        self.shared.makes(Purpose::Bounce)
     }
 
     /// The layouts in which it holds scenes.
@@ -172,9 +178,15 @@ impl GpuDevice for WgpuDevice {
 }
 
 impl Shared {
-    pub(crate) fn makes_rays(&self) -> bool {
+    /// Whether a kernel that makes rays makes those of the host.
+    pub(crate) fn makes(&self, purpose: Purpose) -> bool {
+        let [camera, bounce] = &self.makes;
         // A device that is lost will say so when it is used.
-        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+        match purpose {
+            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
+            Purpose::Bounce => *bounce.get_or_init(|| matches!(probe::check_bounces(self), Ok(None))),
+            _ => false,
+        }
     }
 
     /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
