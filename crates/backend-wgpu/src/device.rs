@@ -6,7 +6,9 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, fault_of_llvmpipe};
+use rt_gpu::{
+    Card, GpuDevice, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Trouble, Tuning, bounce, fault_of_llvmpipe,
+};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -137,12 +139,6 @@ impl WgpuDevice {
         self.shared.makes(Purpose::Camera)
     }
 
-    /// The same of rays that leave surfaces.
-    #[must_use]
-    pub fn makes_bounces(&self) -> bool {
-        self.shared.makes(Purpose::Bounce)
-    }
-
     /// The layouts in which it holds scenes.
     #[must_use]
     pub const fn layouts(&self) -> Layouts {
@@ -175,6 +171,10 @@ impl GpuDevice for WgpuDevice {
     fn tally(&self) -> &Tally {
         &self.shared.tally
     }
+
+    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+        probe::check_bounces(&self.shared, trials)
+    }
 }
 
 impl Shared {
@@ -184,7 +184,9 @@ impl Shared {
         // A device that is lost will say so when it is used.
         match purpose {
             Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
-            Purpose::Bounce => *bounce.get_or_init(|| matches!(probe::check_bounces(self), Ok(None))),
+            Purpose::Bounce => {
+                *bounce.get_or_init(|| matches!(probe::check_bounces(self, &bounce::trials()), Ok(None)))
+            }
             _ => false,
         }
     }

@@ -31,8 +31,8 @@ pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceErro
 }
 
 /// The same of rays that leave surfaces.
-pub(crate) fn check_bounces(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    for trial in bounce::trials() {
+pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+    for trial in trials {
         let made = make(shared, Some(&trial.image()), trial.recipe())?;
         if let Some(fault) = trial.first_fault(&made) {
             return Ok(Some(fault));

@@ -78,28 +78,49 @@ pub struct Trial {
 /// parents and with several.
 #[must_use]
 pub fn trials() -> Vec<Trial> {
-    let sun = |middle: Vec3, radius: f32| {
-        let (tangent, bitangent) = basis(middle);
-        Aim::Disc { middle, radii: [tangent * radius, bitangent * radius] }
-    };
     let oblique = Vec3::new(0.48, 0.6, 0.64);
     [
         (1.0, 0.0, Aim::Cosine, 1, true),
         (3e6, 0.0, Aim::Cosine, 7, false),
         (0.004, 1e5, Aim::Cosine, 2, true),
-        (1.0, 1e5, sun(oblique, 0.045), 3, false),
-        (1e-9, 0.0, sun(oblique, 0.9), 1, true),
-        (1.0, 0.0, sun(Vec3::Y, 0.0), 1, false),
+        (1.0, 1e5, disc(oblique, 0.045), 3, false),
+        (1e-9, 0.0, disc(oblique, 0.9), 1, true),
+        (1.0, 0.0, disc(Vec3::Y, 0.0), 1, false),
     ]
     .into_iter()
-    .filter_map(|(scale, offset, aim, samples, rows)| Trial::new(scale, offset, aim, samples, rows))
+    .filter_map(|(scale, offset, aim, samples, rows)| Trial::new(0, [scale, offset], aim, samples, rows))
     .collect()
 }
 
+/// Trials beyond those that a device must pass: of other triangles, scales, offsets and rays for each seed. What extremes the
+/// host keeps to itself are left out.
+#[must_use]
+pub fn random_trials(seed: u32, count: u32) -> Vec<Trial> {
+    let trial = |i: u32| {
+        let [a, b, c] = random::pcg3d([seed, i, 4]);
+        let scale = [1.0, 1e-12, 1e12, 1e-3, 7e4, 1e-17, 1e-30, 1e30][a as usize % 8];
+        let offset = [0.0, 0.0, 1e3, 1e6][b as usize % 4];
+        let middle = Vec3::from([a, b, c].map(|word| random::unit(word) - 0.5)).try_normalize()?;
+        let aim = match c % 3 {
+            0 => Aim::Cosine,
+            1 => disc(middle, random::unit(b)),
+            _ => disc([Vec3::X, Vec3::NEG_Y, Vec3::Z][a as usize / 8 % 3], 1e-3),
+        };
+        Trial::new(a ^ b, [scale, offset], aim, 1 + c % 5, c & 8 == 0)
+    };
+    (0..count).filter_map(trial).collect()
+}
+
+/// A disc of that radius, as a tangent, around a unit vector.
+fn disc(middle: Vec3, radius: f32) -> Aim {
+    let (tangent, bitangent) = basis(middle);
+    Aim::Disc { middle, radii: [tangent * radius, bitangent * radius] }
+}
+
 /// A triangle's corner: some coordinates are 0, or so small that they are when squared.
-fn vertex(triangle: u32, corner: u32, scale: f32, offset: f32) -> Vec3 {
-    let middle = random::pcg3d([triangle, 7, 1]);
-    let words = random::pcg3d([triangle, corner, 2]);
+fn vertex([seed, triangle, corner]: [u32; 3], scale: f32, offset: f32) -> Vec3 {
+    let middle = random::pcg3d([triangle, seed, 1]);
+    let words = random::pcg3d([triangle, corner, seed.wrapping_add(2)]);
     let size = [1.0, 0.1, 1e-3, 1e-5][triangle as usize % 4];
     let at = |axis: usize| {
         let spread = random::unit(words[axis]) * 2.0 - 1.0;
@@ -115,9 +136,9 @@ fn vertex(triangle: u32, corner: u32, scale: f32, offset: f32) -> Vec3 {
 }
 
 impl Trial {
-    fn new(scale: f32, offset: f32, aim: Aim, samples: u32, rows: bool) -> Option<Self> {
+    fn new(seed: u32, [scale, offset]: [f32; 2], aim: Aim, samples: u32, rows: bool) -> Option<Self> {
         const TRIANGLES: u32 = 280;
-        let positions: Vec<Vec3> = (0..3 * TRIANGLES).map(|i| vertex(i / 3, i % 3, scale, offset)).collect();
+        let positions: Vec<Vec3> = (0..3 * TRIANGLES).map(|i| vertex([seed, i / 3, i % 3], scale, offset)).collect();
         let indices: Vec<[u32; 3]> = (0..TRIANGLES).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = Mesh { positions: &positions, indices: &indices };
         let scene = Arc::new(build(mesh, &BuildOptions::default()).ok()?.scene);
@@ -128,7 +149,7 @@ impl Trial {
         };
         let there: Vec<u32> = (0..TRIANGLES).filter(usable).collect();
         let departure = |i: u32| {
-            let [u, v, other] = random::pcg3d([i, 8, 3]);
+            let [u, v, other] = random::pcg3d([i, seed, 3]);
             // Some on edges and corners.
             let [u, v] = [[u >> 8, v >> 8], [0, v >> 8], [1 << 24, 0], [0, 0], [u >> 8, 0]][other as usize % 5];
             let v = v.min((1 << 24) - u);
