@@ -1,14 +1,14 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded into a film.
 
 use crate::progress;
-use crate::shade::{Light, facing_normal};
+use crate::shade::Light;
 use anyhow::Result;
 use glam::Vec3;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::{Aim, Departure, Surfaces};
-use rt_core::{BounceRays, Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec, random};
+use rt_core::{BounceRays, Camera, CameraRays, Hit, Precision, Query, RaySource, StreamKind, StreamSpec, random};
 use rt_scene::Model;
 use rt_scene::streams::{Spawned, Spawner};
 use std::ops::Range;
@@ -164,7 +164,7 @@ impl Renderer<'_> {
             let shadow = self.leave(&spawner, self.light.sun.aim());
             let blocked =
                 run(self.stream(RaySource::Bounce(Arc::clone(&shadow)), StreamKind::Shadow(bounce), Query::Any))?;
-            self.add_sunlight(&front, &hits, &shadow.departures, &blocked, film);
+            self.add_sunlight(&front, &shadow.departures, &blocked, film);
             if bounce == self.bounces {
                 self.add_fill(&front, &hits, film);
                 break;
@@ -219,29 +219,31 @@ impl Renderer<'_> {
         });
     }
 
-    fn add_sunlight(&self, front: &Front, hits: &[Hit], shadow: &[Departure], blocked: &[Hit], film: &mut Film) {
+    fn add_sunlight(&self, front: &Front, shadow: &[Departure], blocked: &[Hit], film: &mut Film) {
         film.add_all(blocked.len(), |ray| {
-            let i = shadow[ray].parent as usize;
-            let primitive = hits[i].primitive;
+            let from = &shadow[ray];
+            let i = from.parent as usize;
             if blocked[ray].is_hit() {
                 return None;
             }
-            let normal = self.normal(primitive, &front.source.ray(i as u32).0)?;
-            let light = self.light.sunlight(normal.dot(self.light.sun.direction()));
-            Some((front.pixels[i], front.throughput[i] * self.model.colour(primitive) * light))
+            let normal = self.model.triangle(from.primitive)?.area_normal().try_normalize()?.as_vec3();
+            let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
+            let light = self.light.sunlight(facing);
+            Some((front.pixels[i], front.throughput[i] * self.model.colour(from.primitive) * light))
         });
     }
 
     fn add_fill(&self, front: &Front, hits: &[Hit], film: &mut Film) {
         film.add_all(hits.len(), |i| {
             let hit = &hits[i];
-            let distance = || hit.t * front.source.ray(i as u32).0.direction.length();
+            // Only directions of camera rays have any length.
+            let length = || match &front.source {
+                RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
+                _ => 1.0,
+            };
+            let distance = || hit.t * length();
             let light = || front.throughput[i] * self.model.colour(hit.primitive) * self.light.fill(distance());
             hit.is_hit().then(|| (front.pixels[i], light()))
         });
-    }
-
-    fn normal(&self, primitive: u32, ray: &Ray) -> Option<Vec3> {
-        facing_normal(self.model.triangle(primitive)?.area_normal(), ray.direction)
     }
 }

@@ -1,29 +1,40 @@
 //! Operations that every device can do to the bit: sums, products and whole numbers, no quotient and no root.
 
-/// A number as the sum of two, `high` the nearer.
+use glam::Vec3A;
+
+/// Three numbers, each as the sum of two, `high` the nearer. On processors the three are computed at once.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Sum {
-    pub high: f32,
-    pub low: f32,
+pub(super) struct Sums {
+    pub high: Vec3A,
+    pub low: Vec3A,
 }
 
 /// `a + b`, exactly.
 ///
 /// D. E. Knuth, *The Art of Computer Programming*, volume 2, section 4.2.2 (1969).
-#[inline]
-pub(super) fn two_sum(a: f32, b: f32) -> Sum {
+#[inline(always)]
+pub(super) fn two_sum(a: Vec3A, b: Vec3A) -> Sums {
     let high = a + b;
     let t = high - a;
-    Sum { high, low: (a - (high - t)) + (b - t) }
+    Sums { high, low: (a - (high - t)) + (b - t) }
 }
 
-/// `a · b`, exactly where the low part is not denormal: in double precision, which holds the product, where devices take
-/// T. J. Dekker's way (1971) to the same two numbers.
-#[inline]
-pub(super) fn two_product(a: f32, b: f32) -> Sum {
-    let exact = f64::from(a) * f64::from(b);
-    let high = exact as f32;
-    Sum { high, low: (exact - f64::from(high)) as f32 }
+/// `a · b`, exactly where nothing in it is denormal or overflows.
+///
+/// T. J. Dekker, *A Floating-Point Technique for Extending the Available Precision* (1971).
+#[inline(always)]
+pub(super) fn two_product(a: Vec3A, b: Vec3A) -> Sums {
+    let high = a * b;
+    let ([x, y], [z, w]) = (halves(a), halves(b));
+    Sums { high, low: (((x * z - high) + x * w) + y * z) + y * w }
+}
+
+/// Halves of 12 bits each: their products are exact.
+#[inline(always)]
+fn halves(a: Vec3A) -> [Vec3A; 2] {
+    let c = a * 4097.0;
+    let high = c - (c - a);
+    [high, a - high]
 }
 
 /// One over the root of a positive number, to 3 · 2⁻²⁴ of it.
@@ -62,10 +73,12 @@ mod tests {
             let [a, b, c] = random::pcg3d([i, 6, 0]);
             let number = |bits: u32, e: u32| f32::from_bits(bits & 0x807f_ffff | (107 + e % 30) << 23);
             let (a, b) = (number(a, c), number(b, c >> 8));
-            let (sum, product) = (two_sum(a, b), two_product(a, b));
-            assert_eq!(f64::from(sum.high) + f64::from(sum.low), f64::from(a) + f64::from(b));
-            assert_eq!(f64::from(product.high) + f64::from(product.low), f64::from(a) * f64::from(b));
-            assert_eq!((sum.high, product.high), (a + b, a * b));
+            let [x, y] = [a, b].map(Vec3A::splat);
+            let (sum, product) = (two_sum(x, y), two_product(x, y));
+            let exact = |sums: Sums| f64::from(sums.high.y) + f64::from(sums.low.y);
+            assert_eq!(exact(sum), f64::from(a) + f64::from(b));
+            assert_eq!(exact(product), f64::from(a) * f64::from(b));
+            assert_eq!((sum.high.y, product.high.y), (a + b, a * b));
         }
     }
 }

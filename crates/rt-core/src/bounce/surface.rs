@@ -1,9 +1,9 @@
 //! Points on triangles from which rays leave without meeting the surface again.
 
-use super::exact::{Sum, rsqrt, two_product, two_sum};
+use super::exact::{Sums, rsqrt, two_product, two_sum};
 use crate::scale::{exponent, pow2, scaled};
 use crate::{Ray, Triangle};
-use glam::Vec3;
+use glam::{Vec3, Vec3A, Vec3Swizzles};
 
 /// A triangle as its points are computed: in a unit of its own, so that the same numbers are computed whatever the unit of
 /// the scene.
@@ -16,7 +16,7 @@ use glam::Vec3;
 /// zero, would differ.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    vertices: [[f32; 3]; 3],
+    vertices: [Vec3A; 3],
     exponent: i32,
     normal: Vec3,
 }
@@ -65,9 +65,10 @@ impl Surface {
         if !triangle.is_finite() {
             return None;
         }
-        let largest = triangle.vertices().iter().map(|p| p.abs().max_element()).fold(0.0, f32::max);
+        let [a, b, c] = triangle.vertices().map(Vec3A::from);
+        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
         let local = exponent(largest);
-        let vertices = triangle.vertices().map(|p| scaled(p, pow2(-local)).to_array().map(on_grid));
+        let vertices = [a, b, c].map(|p| on_grid(times_power(p, -local)));
         let normal = unit_normal(&vertices)?;
         Some(Self { vertices, exponent: local + scale_exponent, normal })
     }
@@ -92,15 +93,13 @@ impl Surface {
         // Scaling back is exact, but for scenes so small that coordinates become denormal.
         let least =
             if self.exponent < LEAST_EXPONENT { (HALF_DENORMAL * pow2((-self.exponent).min(200))) as f32 } else { 0.0 };
-        let axis = |axis: usize| {
-            let Sum { high, low } = mean(weights, self.vertices.map(|vertex| vertex[axis]));
-            let side = normal[axis];
-            let away = high.abs() * HALF_STEP + least;
-            let step = side * CLEARANCE + if side == 0.0 { 0.0 } else { away.copysign(side) };
-            let rounded = high + (low + step);
-            if rounded.abs() < LEAST_COORDINATE { 0.0 } else { rounded }
-        };
-        scaled(Vec3::new(axis(0), axis(1), axis(2)), pow2(self.exponent))
+        let Sums { high, low } = mean(weights, self.vertices);
+        let side = Vec3A::from(normal);
+        let away = (high.abs() * HALF_STEP + Vec3A::splat(least)).copysign(side);
+        let step = side * CLEARANCE + Vec3A::select(side.cmpeq(Vec3A::ZERO), Vec3A::ZERO, away);
+        let rounded = high + (low + step);
+        let near_zero = rounded.abs().cmplt(Vec3A::splat(LEAST_COORDINATE));
+        times_power(Vec3A::select(near_zero, Vec3A::ZERO, rounded), self.exponent).into()
     }
 
     /// Whether coordinates of its points may be beyond single precision.
@@ -116,32 +115,39 @@ impl Surface {
     }
 }
 
-fn on_grid(c: f32) -> f32 {
-    if c.abs() < COARSE { (c + GRID) - GRID } else { c }
+/// `v` times 2^`exponent`, rounded once.
+fn times_power(v: Vec3A, exponent: i32) -> Vec3A {
+    if (-126..=127).contains(&exponent) {
+        v * pow2(exponent) as f32
+    } else {
+        // Beyond single precision.
+        scaled(v.into(), pow2(exponent)).into()
+    }
+}
+
+fn on_grid(c: Vec3A) -> Vec3A {
+    let grid = Vec3A::splat(GRID);
+    Vec3A::select(c.abs().cmplt(Vec3A::splat(COARSE)), (c + grid) - grid, c)
 }
 
 /// Three exact products, summed to twice the precision: after T. Ogita, S. M. Rump and S. Oishi, *Accurate Sum and Dot
 /// Product*, SIAM J. Sci. Comput. 26-6 (2005). Off by 20 u² of the largest coordinate, u = 2⁻²⁴.
-fn mean(weights: [f32; 3], coordinates: [f32; 3]) -> Sum {
-    let a = two_product(weights[0], coordinates[0]);
-    let b = two_product(weights[1], coordinates[1]);
-    let c = two_product(weights[2], coordinates[2]);
+fn mean(weights: [f32; 3], vertices: [Vec3A; 3]) -> Sums {
+    let [u, v, w] = weights.map(Vec3A::splat);
+    let a = two_product(u, vertices[0]);
+    let b = two_product(v, vertices[1]);
+    let c = two_product(w, vertices[2]);
     let ab = two_sum(a.high, b.high);
     let abc = two_sum(ab.high, c.high);
-    two_sum(abc.high, (ab.low + abc.low) + ((a.low + b.low) + c.low))
+    two_sum(abc.high, (abc.low + ab.low) + ((a.low + b.low) + c.low))
 }
 
 /// The unit normal of a triangle, whose components are 0 or at least [`LEAST_NORMAL`]; `None` if it has no area.
 ///
 /// Edges are exact sums of two numbers. Their cross product is right to some 2⁻⁴⁴ of the edges' lengths, so the normal to
 /// 2⁻²² or so for every triangle but needles of an angle below 2⁻²².
-fn unit_normal([a, b, c]: &[[f32; 3]; 3]) -> Option<Vec3> {
-    let [ab, ac] = [b, c].map(|to| core::array::from_fn::<Sum, 3, _>(|axis| two_sum(to[axis], -a[axis])));
-    let area = Vec3::from_array([
-        cross(ab[1], ac[2], ab[2], ac[1]),
-        cross(ab[2], ac[0], ab[0], ac[2]),
-        cross(ab[0], ac[1], ab[1], ac[0]),
-    ]);
+fn unit_normal([a, b, c]: &[Vec3A; 3]) -> Option<Vec3> {
+    let area = cross(two_sum(*b, -*a), two_sum(*c, -*a));
     let largest = area.abs().max_element();
     if largest == 0.0 {
         return None;
@@ -149,11 +155,14 @@ fn unit_normal([a, b, c]: &[[f32; 3]; 3]) -> Option<Vec3> {
     // To [1, 2): then no square that counts is denormal.
     let n = area * pow2(1 - exponent(largest)) as f32;
     let unit = n * rsqrt((n.x * n.x + n.y * n.y) + n.z * n.z);
-    Some(Vec3::from_array(unit.to_array().map(|c| if c.abs() < LEAST_NORMAL { 0.0 } else { c })))
+    Some(Vec3A::select(unit.abs().cmplt(Vec3A::splat(LEAST_NORMAL)), Vec3A::ZERO, unit).into())
 }
 
-/// `a d − b c` of edges `a`, `d`, `b`, `c` in this order of arguments: `a · d − b · c`.
-fn cross(a: Sum, d: Sum, b: Sum, c: Sum) -> f32 {
+/// The cross product of two edges.
+fn cross(ab: Sums, ac: Sums) -> Vec3A {
+    let turned =
+        |s: Sums| (Sums { high: s.high.yzx(), low: s.low.yzx() }, Sums { high: s.high.zxy(), low: s.low.zxy() });
+    let ((a, b), (c, d)) = (turned(ab), turned(ac));
     let p = two_product(a.high, d.high);
     let q = two_product(b.high, c.high);
     let s = two_sum(p.high, -q.high);
