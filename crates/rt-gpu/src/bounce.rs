@@ -23,13 +23,23 @@ pub(crate) struct Part {
 }
 
 impl Part {
-    /// The rays that leave at `departures`, which come at place `first` of their window. `slots` says where each
-    /// primitive's triangle is on the device.
-    pub(crate) fn new(block: &KernelBounce, departures: &[Departure], first: u32, slots: &[u32]) -> Self {
-        let slot = |primitive: u32| slots.get(primitive as usize).copied().unwrap_or(u32::MAX);
-        let told = |from: &Departure| [from.weights[0], from.weights[1], slot(from.primitive)];
+    /// `count` rays from number `begin` on, which come at place `first` of their window. `places` says for each slot of the
+    /// scene where its triangle is on the device; nothing where that is its own place.
+    pub(crate) fn new(
+        block: &KernelBounce,
+        rays: &BounceRays,
+        [begin, count]: [u32; 2],
+        first: u32,
+        places: &[u32],
+    ) -> Self {
+        let departures = &rays.departures[begin as usize..][..count as usize];
+        let place = |primitive: u32| {
+            let slot = rays.surfaces.slot(primitive)?;
+            Some(places.get(slot as usize).copied().unwrap_or(slot))
+        };
+        let told = |from: &Departure| [from.weights[0], from.weights[1], place(from.primitive).unwrap_or(u32::MAX)];
         Self {
-            block: block.part(first, departures.len() as u32),
+            block: block.part(first, count),
             departures: departures.par_iter().map(told).collect(),
             parents: parents_of(departures),
         }
@@ -58,7 +68,7 @@ fn parents_of(departures: &[Departure]) -> Vec<u32> {
     std::iter::once(rows as u32).chain(words).collect()
 }
 
-/// Rays of a trial; the last ones are not made, so that the kernel must stop.
+/// Rays of a trial: no multiple of a workgroup.
 const RAYS: u32 = 3000;
 
 /// Share of the rays of a trial that a device may leave to the host: a component near 0 is rarer than this, but for the
@@ -168,9 +178,7 @@ impl Trial {
             scatter: Scatter { aim, seed: 0x9e37_79b9, samples, bounce: 1 },
         };
         let block = Offload::new(&scene).bounce(&rays)?;
-        let mut slots = vec![u32::MAX; TRIANGLES as usize];
-        (0..scene.primitives().len()).for_each(|slot| slots[scene.primitives().get(slot) as usize] = slot as u32);
-        let part = Part::new(&block, &rays.departures, 0, &slots);
+        let part = Part::new(&block, &rays, [0, RAYS], 0, &[]);
         Some(Self { scene, rays, part, left_out: LEFT_OUT })
     }
 

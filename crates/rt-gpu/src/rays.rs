@@ -20,11 +20,12 @@ pub(crate) struct Sent {
     pub made: u32,
 }
 
-/// Puts a stream's rays on the board. `slots` says where each primitive's triangle is there.
+/// Puts a stream's rays on the board. `places` are those of the scene's triangles there, see
+/// [`crate::GpuScene`].
 pub(crate) fn send<'a>(
     board: &mut impl Board,
     scene: &Scene,
-    slots: impl FnOnce() -> &'a [u32],
+    places: impl FnOnce() -> &'a [u32],
     source: &RaySource,
 ) -> Result<Sent, DeviceError> {
     board.reserve_rays(source.len())?;
@@ -32,7 +33,7 @@ pub(crate) fn send<'a>(
     let made = match source {
         RaySource::Explicit { .. } => None,
         RaySource::Camera(rays) => make_camera(board, &offload, rays)?,
-        RaySource::Bounce(rays) => make_bounces(board, &offload, slots, rays)?,
+        RaySource::Bounce(rays) => make_bounces(board, &offload, places, rays)?,
     };
     match made {
         Some(bytes) => Ok(Sent { bytes, made: source.len() }),
@@ -68,19 +69,18 @@ fn make_camera(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays)
 fn make_bounces<'a>(
     board: &mut impl Board,
     offload: &Offload<'_>,
-    slots: impl FnOnce() -> &'a [u32],
+    places: impl FnOnce() -> &'a [u32],
     rays: &BounceRays,
 ) -> Result<Option<u64>, DeviceError> {
     let Some(block) = offload.bounce(rays) else {
         return Ok(None);
     };
-    let slots = slots();
+    let places = places();
     let mut sent = 0;
     for (number, (first, count)) in (0..).zip(windows(board.window(), rays.len())) {
         for skip in (0..count).step_by(DEPARTURES as usize) {
             let count = DEPARTURES.min(count - skip);
-            let begin = (first + skip) as usize;
-            let part = bounce::Part::new(&block, &rays.departures[begin..begin + count as usize], skip, slots);
+            let part = bounce::Part::new(&block, rays, [first + skip, count], skip, places);
             if !board.make_rays(number, part.recipe())? {
                 return Ok(None);
             }

@@ -118,15 +118,11 @@ impl GpuScene {
         &self.given
     }
 
-    /// For each primitive, where its triangle is on the device; `u32::MAX` where it has none.
-    pub(crate) fn slots_of_primitives(&self) -> Vec<u32> {
-        let mut slots = vec![u32::MAX; self.given.primitive_count() as usize];
-        let ids = self.given.primitives();
-        for slot in 0..ids.len() {
-            let given = self.slots.get(slot).map_or(slot, |given| *given as usize);
-            slots[ids.get(given) as usize] = slot as u32;
-        }
-        slots
+    /// For each slot of the given scene, where its triangle is on the device; empty where that is its own place.
+    pub(crate) fn places(&self) -> Vec<u32> {
+        let mut places = vec![0; self.slots.len()];
+        (0..).zip(&self.slots).for_each(|(place, &given)| places[given as usize] = place);
+        places
     }
 
     /// The hit of a ray with the triangle at a slot of the device's order.
@@ -203,6 +199,7 @@ mod tests {
         assert!(scene.wide.is_none() && scene.slots.len() == on_device.len());
         for (slot, bytes) in on_device.iter().enumerate() {
             assert_eq!(*bytes, triangle(&SceneImage::new(&given), scene.slots[slot] as usize));
+            assert_eq!(scene.places()[scene.slots[slot] as usize], slot as u32);
         }
         assert!(scene.slots.windows(2).any(|pair| pair[0] > pair[1]), "the order is another one");
         let alone = GpuScene::from(given).settled();

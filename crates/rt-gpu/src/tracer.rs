@@ -31,8 +31,8 @@ pub struct GpuTracer<B> {
     finished: Vec<(Ticket, Launch)>,
     next_ticket: u64,
     traffic: Traffic,
-    /// For each primitive its triangle's place on the device; made for the first stream of rays that leave surfaces.
-    slots: OnceCell<Vec<u32>>,
+    /// Those of [`GpuScene::places`], made for the first stream of rays that leave surfaces.
+    places: OnceCell<Vec<u32>>,
 }
 
 impl<B: Board> GpuTracer<B> {
@@ -49,7 +49,7 @@ impl<B: Board> GpuTracer<B> {
             finished: Vec::new(),
             next_ticket: 0,
             traffic: Traffic::default(),
-            slots: OnceCell::new(),
+            places: OnceCell::new(),
         }
     }
 
@@ -142,8 +142,8 @@ impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        let slots = || &self.slots.get_or_init(|| self.scene.slots_of_primitives())[..];
-        let sent = rays::send(&mut self.board, self.scene.given(), slots, &source)?;
+        let places = || &self.places.get_or_init(|| self.scene.places())[..];
+        let sent = rays::send(&mut self.board, self.scene.given(), places, &source)?;
         self.traffic.uploaded += sent.bytes;
         self.tally.add_made(sent.made);
         (self.source, self.spec) = (source, spec);

@@ -44,11 +44,16 @@ impl Surfaces {
         &self.scene
     }
 
+    /// Where a primitive's triangle is in leaf order; `None` where there is none that can be hit.
+    #[must_use]
+    pub fn slot(&self, primitive: u32) -> Option<u32> {
+        self.slots.get(primitive as usize).copied().filter(|&slot| slot != u32::MAX)
+    }
+
     /// The triangle of a primitive, in the scene's local coordinates; `None` where there is none that can be hit.
     #[must_use]
     pub fn triangle(&self, primitive: u32) -> Option<&Triangle> {
-        let slot = self.slots.get(primitive as usize)?;
-        self.scene.triangles().get(*slot as usize)
+        self.scene.triangles().get(self.slot(primitive)? as usize)
     }
 }
 
