@@ -16,9 +16,12 @@ use std::sync::Arc;
 
 const ANY: StreamSpec = StreamSpec { query: Query::Any, ..COUNTED };
 
+/// A stream, its rays made by the host, and what is asked of them.
+type Twins = (Arc<BounceRays>, Vec<(Ray, u32)>, StreamSpec);
+
 /// The rays that leave where a picture's rays meet the car, and their explicit twins: to the sun, about the normal, and
 /// about the normal where those meet it again.
-fn bounced() -> Result<Vec<(Arc<BounceRays>, Vec<(Ray, u32)>, StreamSpec)>, Failed> {
+fn bounced() -> Result<Vec<Twins>, Failed> {
     let (scene, view) = car()?;
     let model = builtin::car();
     let surfaces = Arc::new(Surfaces::new(Arc::clone(&scene)));
@@ -154,7 +157,7 @@ pub(crate) fn of_a_wrong_kernel_are_the_hosts((name, _): Backend) -> Result<(), 
         let (hits, counts) = tree::trace(&car()?.0, *spec, explicit);
         compare("made by the host", &found, &hits, &counts)?;
     }
-    // Of another scene, even an equal one, no device makes rays: their triangles may lie elsewhere.
+    // A triangle that there is not.
     let strange = Departure { primitive: u32::MAX - 1, ..made.departures[0] };
     let invalid = BounceRays { departures: [strange].into(), ..(**made).clone() };
     let mut tracer = devices[0].tracer(car()?.0, clock)?;
