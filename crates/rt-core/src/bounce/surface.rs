@@ -47,7 +47,7 @@ const HALF_STEP: f32 = 1.001 / 16_777_216.0;
 /// normal of 2⁻²⁰, which is not missed.
 const LEAST_COORDINATE: f32 = pow2(-60) as f32;
 
-/// Least exponent of triangles for which [`LEAST_COORDINATE`] is no denormal number when it is scaled back.
+/// Least exponent of triangles whose points have no denormal coordinate.
 pub const LEAST_EXPONENT: i32 = -60;
 
 /// Greatest exponent of triangles whose points are all within single precision.
