@@ -118,6 +118,10 @@ fn without_origins(source: &RaySource) -> RaySource {
     match source {
         RaySource::Explicit { rays, .. } => RaySource::Explicit { rays: Arc::clone(rays), origins: None },
         camera @ RaySource::Camera(_) => camera.clone(),
+        bounce @ RaySource::Bounce(_) => {
+            let rays = (0..bounce.len()).map(|i| bounce.ray(i).0).collect();
+            RaySource::Explicit { rays, origins: None }
+        }
     }
 }
 

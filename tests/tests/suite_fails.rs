@@ -33,6 +33,7 @@ fn a_null_device_fails_every_case_about_hits() {
         "signs_of_zero_do_not_matter",
         "offsets_of_a_million_are_right",
         "camera_rays_equal_explicit_rays",
+        "bounce_rays_equal_explicit_rays",
         "counts_are_the_trees_own",
     ] {
         assert!(!passes(&FakeDevice::null(), case), "a device that never hits passes {case}");

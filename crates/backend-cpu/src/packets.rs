@@ -52,7 +52,9 @@ impl Kernels {
             (Self::Avx2(proof), _) => walk_avx2(proof, scene, stack, walk, rays, sink),
             // Measured in words of SSE2: packets make camera rays faster, and incoherent ones a little slower.
             (Self::Portable, RaySource::Camera(_)) => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
-            (Self::Portable, RaySource::Explicit { .. }) => walk_alone(scene, stack, walk, rays, sink),
+            (Self::Portable, RaySource::Explicit { .. } | RaySource::Bounce(_)) => {
+                walk_alone(scene, stack, walk, rays, sink)
+            }
         }
     }
 }

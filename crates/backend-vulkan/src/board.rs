@@ -6,10 +6,10 @@ use crate::launch::Slot;
 use crate::maker::Maker;
 use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
-use rt_bvh::offload::{KernelCamera, KernelRay};
+use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Trees, Tuning, Work};
+use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Recipe, Trees, Tuning, Work};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -42,7 +42,7 @@ pub(crate) struct Gpu {
     resident: Resident,
     /// The windows: as many rays in each but the last.
     rays: Vec<Buffer>,
-    /// Made for the first camera.
+    /// Made for the first rays that the device makes.
     maker: Option<Maker>,
     /// As many as kernels were in flight at once.
     slots: Vec<Slot>,
@@ -139,9 +139,9 @@ impl Board for VulkanBoard {
     }
 
     fn prepare(&mut self, purpose: Purpose) {
-        if purpose == Purpose::Camera {
+        if matches!(purpose, Purpose::Camera | Purpose::Bounce) {
             // The kernel is compiled to find out.
-            let _ = self.tuning.host_rays || self.shared.makes_rays();
+            let _ = self.tuning.host_rays || self.shared.makes(purpose);
         } else {
             // Whoever uses the kernel is told what is wrong.
             let _ = self.run_first(purpose);
@@ -173,17 +173,17 @@ impl Board for VulkanBoard {
         })
     }
 
-    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
-        if self.tuning.host_rays || !self.shared.makes_rays() {
+    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
+        if self.tuning.host_rays || !self.shared.makes(recipe.purpose) {
             return Ok(false);
         }
-        self.on_gpu(|shared, Gpu { timeline, uploader, rays, maker, .. }| {
+        self.on_gpu(|shared, Gpu { timeline, uploader, resident, rays, maker, .. }| {
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
             let maker = match maker {
                 Some(maker) => maker,
                 None => maker.insert(Maker::new(shared)?),
             };
-            maker.make(shared, uploader, timeline, rays, (camera, pixels))?;
+            maker.make(shared, (uploader, timeline), resident, rays, recipe)?;
             shared.logical.check_validation()?;
             Ok(true)
         })

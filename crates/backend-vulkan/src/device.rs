@@ -10,7 +10,7 @@ use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, bounce, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -73,8 +73,8 @@ pub(crate) struct Shared {
     layout: Arc<pipeline::Layout>,
     trouble: Option<Trouble>,
     kernels: Option<Replacement>,
-    /// Whether it makes the host's camera rays; asked when the first are wanted.
-    makes_rays: OnceLock<bool>,
+    /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
+    makes: [OnceLock<bool>; 2],
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
 }
@@ -137,7 +137,7 @@ impl VulkanDevice {
             layout: Arc::new(layout),
             trouble: options.trouble,
             kernels: options.kernels,
-            makes_rays: OnceLock::new(),
+            makes: [const { OnceLock::new() }; 2],
             abandoned: Abandoned::default(),
             logical,
         };
@@ -213,14 +213,26 @@ impl GpuDevice for VulkanDevice {
     }
 
     fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
+        self.shared.makes(Purpose::Camera)
+    }
+
+    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+        probe::check_bounces(&self.shared, trials)
     }
 }
 
 impl Shared {
-    pub(crate) fn makes_rays(&self) -> bool {
+    /// Whether a kernel that makes rays makes those of the host.
+    pub(crate) fn makes(&self, purpose: Purpose) -> bool {
+        let [camera, bounce] = &self.makes;
         // A device that is lost will say so when it is used.
-        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+        match purpose {
+            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
+            Purpose::Bounce => {
+                *bounce.get_or_init(|| matches!(probe::check_bounces(self, &bounce::trials()), Ok(None)))
+            }
+            _ => false,
+        }
     }
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.

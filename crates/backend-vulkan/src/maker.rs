@@ -1,57 +1,67 @@
-//! Camera rays made on the device.
+//! Rays made on the device.
 
 use crate::buffer::{Buffer, Use};
 use crate::commands::{Commands, Stage};
 use crate::device::Shared;
 use crate::pipeline::Bindings;
 use crate::timeline::Timeline;
-use crate::upload::Uploader;
-use rt_bvh::offload::KernelCamera;
+use crate::upload::{Resident, Uploader};
 use rt_core::DeviceError;
-use rt_gpu::PATIENCE;
-use rt_shaders::{Layout, Purpose};
+use rt_gpu::{PATIENCE, Recipe};
+use rt_shaders::Layout;
 
-/// What making rays needs beside the rays' own buffer.
+/// What making rays needs beside the scene and the rays' own buffer.
 #[derive(Debug)]
 pub(crate) struct Maker {
     commands: Commands,
     bindings: Bindings,
-    camera: Buffer,
-    pixels: Buffer,
+    /// Those of [`inputs`], as large as was needed so far.
+    inputs: [Buffer; 3],
+}
+
+/// What the buffers of a recipe are called in errors, and their bytes.
+fn inputs<'a>(recipe: &Recipe<'a>) -> [(&'static str, &'a [u8]); 3] {
+    [
+        ("how rays are made", recipe.block),
+        ("pixels or departures", bytemuck::cast_slice(recipe.list)),
+        ("numbers of rays", bytemuck::cast_slice(recipe.parents)),
+    ]
 }
 
 impl Maker {
     pub(crate) fn new(shared: &Shared) -> Result<Self, DeviceError> {
         let logical = &shared.logical;
+        let empty = || Buffer::new(logical, "nothing", 0, Use::Kernel);
         Ok(Self {
             commands: Commands::new(logical)?,
             bindings: Bindings::new(shared.layout())?,
-            camera: Buffer::new(logical, "the camera", size_of::<KernelCamera>() as u64, Use::Kernel)?,
-            pixels: Buffer::new(logical, "the pixels", 0, Use::Kernel)?,
+            inputs: [empty()?, empty()?, empty()?],
         })
     }
 
-    /// Makes `camera.count` rays at the start of `rays`, and waits for them. Nothing is in flight.
+    /// Makes rays in the window `rays`, and waits for them. Nothing is in flight.
     pub(crate) fn make(
         &mut self,
         shared: &Shared,
-        uploader: &mut Uploader,
-        timeline: &mut Timeline,
+        (uploader, timeline): (&mut Uploader, &mut Timeline),
+        scene: &Resident,
         rays: &Buffer,
-        (camera, pixels): (&KernelCamera, &[u32]),
+        recipe: Recipe<'_>,
     ) -> Result<(), DeviceError> {
-        let size = size_of_val(pixels) as u64;
-        if self.pixels.size() < size {
-            self.pixels = Buffer::new(&shared.logical, &format!("{} pixels", pixels.len()), size, Use::Kernel)?;
+        for (buffer, (what, bytes)) in self.inputs.iter_mut().zip(inputs(&recipe)) {
+            let size = bytes.len() as u64;
+            if buffer.size() < size {
+                *buffer = Buffer::new(&shared.logical, what, size, Use::Kernel)?;
+            }
+            uploader.send(timeline, buffer, 0, bytes)?;
         }
-        uploader.send(timeline, &self.camera, 0, &[*camera])?;
-        uploader.send(timeline, &self.pixels, 0, pixels)?;
-        let pipeline = shared.pipeline(Layout::Two, Purpose::Camera, 0)?;
-        let Self { commands, bindings, camera: block, pixels } = self;
-        bindings.choose([pixels, pixels, pixels, pixels, pixels, block, rays, pixels]);
+        let pipeline = shared.pipeline(Layout::Two, recipe.purpose, 0)?;
+        let Self { commands, bindings, inputs: [block, list, parents] } = self;
+        let [tree, triangles, primitives, frame] = scene.bindings(Layout::Two);
+        bindings.choose([tree, triangles, primitives, frame, list, block, rays, parents]);
         commands.record(|to| {
             to.barrier(Stage::Copy, Stage::Kernel);
-            to.run(&pipeline, bindings, camera.count);
+            to.run(&pipeline, bindings, recipe.count);
             // For the launches that come after.
             to.barrier(Stage::Kernel, Stage::Kernel);
         })?;

@@ -3,10 +3,10 @@
 use crate::device::Shared;
 use crate::launch::Slot;
 use crate::opened::Opened;
-use rt_bvh::offload::{KernelCamera, KernelRay};
+use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Trees, Tuning, Work};
+use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Recipe, Trees, Tuning, Work};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
@@ -117,9 +117,9 @@ impl Board for WgpuBoard {
     }
 
     fn prepare(&mut self, purpose: Purpose) {
-        if purpose == Purpose::Camera {
+        if matches!(purpose, Purpose::Camera | Purpose::Bounce) {
             // The kernel is compiled to find out.
-            let _ = self.tuning.host_rays || self.shared.makes_rays();
+            let _ = self.tuning.host_rays || self.shared.makes(purpose);
         } else {
             // Whoever uses the kernel is told what is wrong.
             let _ = self.run_first(purpose);
@@ -152,24 +152,29 @@ impl Board for WgpuBoard {
         self.sender.send(buffer, u64::from(first % window) * RAY, bytemuck::cast_slice(rays))
     }
 
-    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
+    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
         let shared = Arc::clone(&self.shared);
-        if self.tuning.host_rays || !shared.makes_rays() {
+        if self.tuning.host_rays || !shared.makes(recipe.purpose) {
             return Ok(false);
         }
-        let (opened, usage) = (&shared.opened, BufferUsages::STORAGE | BufferUsages::COPY_DST);
+        let (opened, sender) = (&shared.opened, &mut self.sender);
         let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
-        let block = opened.buffer("the camera", size_of::<KernelCamera>() as u64, usage)?;
-        let what = format!("{} pixels", pixels.len());
-        let list = opened.buffer(&what, size_of_val(pixels) as u64, usage)?;
-        self.sender.send(&block, 0, bytemuck::bytes_of(camera))?;
-        self.sender.send(&list, 0, bytemuck::cast_slice(pixels))?;
-        let pipeline = shared.pipeline(Layout::Two, Purpose::Camera, 0)?;
+        let mut upload = |what, bytes: &[u8]| -> Result<Buffer, DeviceError> {
+            let buffer = opened.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
+            sender.send(&buffer, 0, bytes)?;
+            Ok(buffer)
+        };
+        let block = upload("how rays are made", recipe.block)?;
+        let list = upload("pixels or departures", bytemuck::cast_slice(recipe.list))?;
+        let parents = upload("numbers of rays", bytemuck::cast_slice(recipe.parents))?;
+        let pipeline = shared.pipeline(Layout::Two, recipe.purpose, 0)?;
+        let [tree, triangles, primitives, frame] = &self.scene;
         let done = opened.scoped("make rays", DeviceErrorKind::Lost, || {
-            let bindings = pipeline.bind(&opened.device, [&list, &list, &list, &list, &list, &block, rays, &list]);
+            let buffers = [tree, triangles, primitives, frame, &list, &block, rays, &parents];
+            let bindings = pipeline.bind(&opened.device, buffers);
             let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            pipeline.run(opened, &mut pass, &bindings, camera.count);
+            pipeline.run(opened, &mut pass, &bindings, recipe.count);
             drop(pass);
             opened.queue.submit([encoder.finish()])
         })?;

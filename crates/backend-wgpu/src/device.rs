@@ -6,7 +6,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, bounce, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -49,8 +49,8 @@ pub struct WgpuDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
-    /// Whether it makes the host's camera rays; asked when the first are wanted.
-    makes_rays: OnceLock<bool>,
+    /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
+    makes: [OnceLock<bool>; 2],
     /// Launches so far, walks too.
     launches: AtomicU32,
     pub opened: Arc<Opened>,
@@ -101,7 +101,7 @@ impl WgpuDevice {
         let shared = Shared {
             pipelines: Mutex::default(),
             options,
-            makes_rays: OnceLock::new(),
+            makes: [const { OnceLock::new() }; 2],
             launches: AtomicU32::default(),
             opened: Arc::new(opened),
         };
@@ -142,14 +142,26 @@ impl GpuDevice for WgpuDevice {
     }
 
     fn makes_rays(&self) -> bool {
-        self.shared.makes_rays()
+        self.shared.makes(Purpose::Camera)
+    }
+
+    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+        probe::check_bounces(&self.shared, trials)
     }
 }
 
 impl Shared {
-    pub(crate) fn makes_rays(&self) -> bool {
+    /// Whether a kernel that makes rays makes those of the host.
+    pub(crate) fn makes(&self, purpose: Purpose) -> bool {
+        let [camera, bounce] = &self.makes;
         // A device that is lost will say so when it is used.
-        *self.makes_rays.get_or_init(|| matches!(probe::check_camera(self), Ok(None)))
+        match purpose {
+            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
+            Purpose::Bounce => {
+                *bounce.get_or_init(|| matches!(probe::check_bounces(self, &bounce::trials()), Ok(None)))
+            }
+            _ => false,
+        }
     }
 
     /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.

@@ -1,24 +1,39 @@
 //! Asking a device a question by a kernel of its own: whether it rounds as the others rely on, and makes rays.
 
 use crate::device::Shared;
-use bytemuck::{NoUninit, Pod};
+use bytemuck::Pod;
+use rt_bvh::offload::KernelRay;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{PATIENCE, arithmetic, camera};
+use rt_gpu::{PATIENCE, Recipe, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    let answers = ask(shared, Purpose::Arithmetic, &arithmetic::questions(), &[0_u32], arithmetic::PAIRS)?;
+    let questions = arithmetic::questions();
+    let inputs = [&[], &[], bytemuck::cast_slice(&questions), &[], &[]];
+    let answers = ask(shared, Purpose::Arithmetic, inputs, arithmetic::PAIRS)?;
     Ok(arithmetic::first_fault(&answers))
 }
 
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
 pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
     for trial in camera::trials() {
-        let (camera, pixels) = trial.input();
-        let made = ask(shared, Purpose::Camera, pixels, &[camera], camera.count)?;
+        let (camera, list) = trial.input();
+        let block = bytemuck::bytes_of(&camera);
+        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count: camera.count };
+        if let Some(fault) = trial.first_fault(&make(shared, None, recipe)?) {
+            return Ok(Some(fault));
+        }
+    }
+    Ok(None)
+}
+
+/// The same of rays that leave surfaces.
+pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+    for trial in trials {
+        let made = make(shared, Some(&trial.image()), trial.recipe())?;
         if let Some(fault) = trial.first_fault(&made) {
             return Ok(Some(fault));
         }
@@ -26,26 +41,31 @@ pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceErro
     Ok(None)
 }
 
-/// Runs a kernel that reads bindings 4 and 5 and writes `count` answers, each by an invocation, to binding 6.
-fn ask<A: NoUninit, B: NoUninit, T: Pod>(
-    shared: &Shared,
-    purpose: Purpose,
-    fourth: &[A],
-    fifth: &[B],
-    count: u32,
-) -> Result<Vec<T>, DeviceError> {
+/// The rays that a kernel makes.
+fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, recipe: Recipe<'_>) -> Result<Vec<KernelRay>, DeviceError> {
+    let [_, triangles, primitives, _] = scene.map_or([&[][..]; 4], |scene| scene.buffers().map(|(_, bytes)| bytes));
+    let [list, parents] = [recipe.list, recipe.parents].map(bytemuck::cast_slice);
+    ask(shared, recipe.purpose, [triangles, primitives, list, recipe.block, parents], recipe.count)
+}
+
+/// Runs a kernel that reads bindings 1, 2, 4, 5 and 7 and writes `count` answers, each by an invocation, to binding 6.
+fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 5], count: u32) -> Result<Vec<T>, DeviceError> {
     let opened = &shared.opened;
     let wanted = u64::from(count) * size_of::<T>() as u64;
-    let given = |size: usize| opened.buffer("numbers", size as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST);
-    let (numbers, more) = (given(size_of_val(fourth))?, given(size_of_val(fifth))?);
+    let mut given = Vec::new();
+    for bytes in inputs {
+        given.push(opened.buffer("numbers", bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
+    }
+    let [triangles, primitives, list, block, parents] = std::array::from_fn(|i| &given[i]);
     let answers = opened.buffer("numbers", wanted, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let back = opened.buffer("numbers", wanted, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
     let (tell, mapped) = sync_channel(1);
     let done = opened.scoped("add and multiply", DeviceErrorKind::Lost, || {
-        opened.queue.write_buffer(&numbers, 0, bytemuck::cast_slice(fourth));
-        opened.queue.write_buffer(&more, 0, bytemuck::cast_slice(fifth));
-        let buffers = [&numbers, &numbers, &numbers, &numbers, &numbers, &more, &answers, &answers];
+        for (buffer, bytes) in given.iter().zip(inputs).filter(|(_, bytes)| !bytes.is_empty()) {
+            opened.queue.write_buffer(buffer, 0, bytes);
+        }
+        let buffers = [triangles, triangles, primitives, triangles, list, block, &answers, parents];
         let bindings = pipeline.bind(&opened.device, buffers);
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

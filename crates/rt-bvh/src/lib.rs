@@ -26,10 +26,11 @@ extern crate alloc;
 
 mod build;
 mod options;
-mod scale;
 mod stats;
 mod trace;
 mod wide;
+
+use rt_core::scale;
 
 pub use build::{BuildError, BuildReport, Built, Fallback, build};
 #[cfg(feature = "obvhs")]

@@ -1,13 +1,14 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded into a film.
 
 use crate::progress;
-use crate::shade::{Light, facing_normal};
+use crate::shade::Light;
 use anyhow::Result;
 use glam::Vec3;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::{Camera, CameraRays, Hit, Precision, Query, Ray, RaySource, StreamKind, StreamSpec, random};
+use rt_core::bounce::{Aim, Departure, Surfaces};
+use rt_core::{BounceRays, Camera, CameraRays, Hit, Precision, Query, RaySource, StreamKind, StreamSpec, random};
 use rt_scene::Model;
 use rt_scene::streams::{Spawned, Spawner};
 use std::ops::Range;
@@ -17,8 +18,8 @@ use std::sync::atomic::AtomicBool;
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
 
-/// Bytes that one ray of a wave needs at most: its own 32, origin, hit, pixel and throughput of this bounce and the
-/// next, and its shadow ray.
+/// Bytes that one ray of a wave needs at most: where it leaves, its hit, pixel and throughput of this bounce and the next,
+/// where its shadow ray leaves, and on a device the 64 of the ray itself.
 pub(crate) const BYTES_PER_RAY: u64 = 256;
 
 /// How tasks are cut.
@@ -43,6 +44,8 @@ impl TaskCut {
 #[derive(Debug)]
 pub(crate) struct Renderer<'a> {
     pub(crate) model: &'a Model,
+    /// Of the scene that is traced.
+    pub(crate) surfaces: Arc<Surfaces>,
     pub(crate) light: Light,
     pub(crate) size: [u32; 2],
     pub(crate) samples: u32,
@@ -113,16 +116,21 @@ const SPAWN_CHUNK: u32 = 1 << 14;
 
 /// Spawns from all hits on all cores; the rays are in the order of their parents, as if spawned on one.
 pub(crate) fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
-    let hits = hits as u32;
-    let chunks = (0..hits.div_ceil(SPAWN_CHUNK)).into_par_iter().map(|chunk| {
-        let first = chunk * SPAWN_CHUNK;
-        from(first..hits.min(first + SPAWN_CHUNK))
-    });
     let mut all = Spawned::default();
-    for chunk in chunks.collect::<Vec<_>>() {
+    for chunk in chunks(hits, from) {
         all.append(chunk);
     }
     all.into_source()
+}
+
+/// What `from` makes of chunks of `hits` hits, in their order.
+fn chunks<T: Send>(hits: usize, from: impl Fn(Range<u32>) -> T + Sync) -> Vec<T> {
+    let hits = hits as u32;
+    let chunk = |chunk| {
+        let first = chunk * SPAWN_CHUNK;
+        from(first..hits.min(first + SPAWN_CHUNK))
+    };
+    (0..hits.div_ceil(SPAWN_CHUNK)).into_par_iter().map(chunk).collect()
 }
 
 /// The rays of one bounce, and what the camera sees through them.
@@ -153,22 +161,29 @@ impl Renderer<'_> {
             let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
             self.add_misses(&front, &hits, film);
             let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, samples, bounce };
-            let (source, parents) = spawn(hits.len(), |range| spawner.shadow(&self.light.sun, range));
-            let blocked = run(self.stream(source, StreamKind::Shadow(bounce), Query::Any))?;
-            self.add_sunlight(&front, &hits, &parents, &blocked, film);
+            let shadow = self.leave(&spawner, self.light.sun.aim());
+            let blocked =
+                run(self.stream(RaySource::Bounce(Arc::clone(&shadow)), StreamKind::Shadow(bounce), Query::Any))?;
+            self.add_sunlight(&front, &shadow.departures, &blocked, film);
             if bounce == self.bounces {
                 self.add_fill(&front, &hits, film);
                 break;
             }
-            let (source, parents) = spawn(hits.len(), |range| spawner.diffuse(range));
-            let parents = parents.iter().map(|&i| i as usize);
+            let diffuse = self.leave(&spawner, Aim::Cosine);
+            let parents = diffuse.departures.iter().map(|from| from.parent as usize);
             front = Front {
                 pixels: parents.clone().map(|i| front.pixels[i]).collect(),
                 throughput: parents.map(|i| front.throughput[i] * self.model.colour(hits[i].primitive)).collect(),
-                source,
+                source: RaySource::Bounce(diffuse),
             };
         }
         Ok(())
+    }
+
+    /// The rays that leave from where a stream's rays hit.
+    fn leave(&self, spawner: &Spawner<'_>, aim: Aim) -> Arc<BounceRays> {
+        let departures = chunks(spawner.hits.len(), |range| spawner.departures(aim, range)).concat().into();
+        Arc::new(BounceRays { surfaces: Arc::clone(&self.surfaces), departures, scatter: spawner.scatter(aim) })
     }
 
     fn stream(&self, source: RaySource, kind: StreamKind, query: Query) -> Stream {
@@ -204,29 +219,31 @@ impl Renderer<'_> {
         });
     }
 
-    fn add_sunlight(&self, front: &Front, hits: &[Hit], parents: &[u32], blocked: &[Hit], film: &mut Film) {
-        film.add_all(blocked.len(), |shadow| {
-            let i = parents[shadow] as usize;
-            let primitive = hits[i].primitive;
-            if blocked[shadow].is_hit() {
+    fn add_sunlight(&self, front: &Front, shadow: &[Departure], blocked: &[Hit], film: &mut Film) {
+        film.add_all(blocked.len(), |ray| {
+            let from = &shadow[ray];
+            let i = from.parent as usize;
+            if blocked[ray].is_hit() {
                 return None;
             }
-            let normal = self.normal(primitive, &front.source.ray(i as u32).0)?;
-            let light = self.light.sunlight(normal.dot(self.light.sun.direction()));
-            Some((front.pixels[i], front.throughput[i] * self.model.colour(primitive) * light))
+            let normal = self.model.triangle(from.primitive)?.area_normal().try_normalize()?.as_vec3();
+            let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
+            let light = self.light.sunlight(facing);
+            Some((front.pixels[i], front.throughput[i] * self.model.colour(from.primitive) * light))
         });
     }
 
     fn add_fill(&self, front: &Front, hits: &[Hit], film: &mut Film) {
         film.add_all(hits.len(), |i| {
             let hit = &hits[i];
-            let distance = || hit.t * front.source.ray(i as u32).0.direction.length();
+            // Only directions of camera rays have any length.
+            let length = || match &front.source {
+                RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
+                _ => 1.0,
+            };
+            let distance = || hit.t * length();
             let light = || front.throughput[i] * self.model.colour(hit.primitive) * self.light.fill(distance());
             hit.is_hit().then(|| (front.pixels[i], light()))
         });
-    }
-
-    fn normal(&self, primitive: u32, ray: &Ray) -> Option<Vec3> {
-        facing_normal(self.model.triangle(primitive)?.area_normal(), ray.direction)
     }
 }

@@ -10,6 +10,7 @@ use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
+use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
 use rt_scene::{View, streams, view};
 use std::path::Path;
@@ -35,6 +36,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let extent = prepared.model.bounds().extent().length();
     let renderer = Renderer {
         model: &prepared.model,
+        surfaces: Arc::new(Surfaces::new(Arc::clone(&scene))),
         light: Light::new(&first, extent),
         size: args.size,
         samples: args.spp,

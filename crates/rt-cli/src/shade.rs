@@ -67,12 +67,6 @@ impl Light {
     }
 }
 
-/// The unit normal of a triangle on the side that `towards` leaves from; `None` for one without area.
-pub(crate) fn facing_normal(area_normal: glam::DVec3, incoming: Vec3) -> Option<Vec3> {
-    let normal = area_normal.try_normalize()?.as_vec3();
-    Some(if normal.dot(incoming) > 0.0 { -normal } else { normal })
-}
-
 /// Luminance of the 97th percentile of a picture's pixels after exposure: below the tone curve's shoulder, so that a
 /// white floor in the sun still shows its shading.
 const BRIGHT: f32 = 0.7;

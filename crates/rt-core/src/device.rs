@@ -1,6 +1,6 @@
 //! The seams of a backend: [`Device`] and [`Tracer`].
 
-use crate::{CameraRays, Hit, Precision, Query, Ray, RayMask, Scene, Task, TestCounts, Walk};
+use crate::{BounceRays, CameraRays, Hit, Precision, Query, Ray, RayMask, Scene, Task, TestCounts, Walk};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -131,6 +131,8 @@ pub enum RaySource {
     },
     /// Camera rays, made on the device.
     Camera(Arc<CameraRays>),
+    /// Rays that leave surfaces, made on the device.
+    Bounce(Arc<BounceRays>),
 }
 
 impl RaySource {
@@ -140,6 +142,7 @@ impl RaySource {
         match self {
             Self::Explicit { rays, .. } => u32::try_from(rays.len()).unwrap_or(u32::MAX),
             Self::Camera(camera) => camera.len(),
+            Self::Bounce(bounce) => bounce.len(),
         }
     }
 
@@ -158,6 +161,7 @@ impl RaySource {
                 (rays[index as usize], origins.as_ref().map_or(u32::MAX, |o| o[index as usize]))
             }
             Self::Camera(camera) => (camera.ray(index), u32::MAX),
+            Self::Bounce(bounce) => bounce.ray(index),
         }
     }
 }

@@ -15,6 +15,7 @@
 extern crate alloc;
 
 pub mod arguments;
+pub mod bounce;
 mod camera;
 mod cost;
 mod device;
@@ -22,9 +23,11 @@ pub mod intersect;
 pub mod morton;
 pub mod random;
 mod ray;
+pub mod scale;
 mod scene;
 mod task;
 
+pub use bounce::BounceRays;
 pub use camera::{Camera, CameraError, CameraRays, Raster};
 pub use cost::{
     CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, TaskOutcome, Work,

@@ -1,7 +1,7 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
 use crate::Work;
-use rt_bvh::offload::{KernelCamera, KernelRay};
+use rt_bvh::offload::KernelRay;
 use rt_core::{DeviceError, TestCounts};
 use rt_shaders::Purpose;
 use std::fmt::Debug;
@@ -20,6 +20,29 @@ pub struct Answer<'a> {
     pub counts: &'a [TestCounts],
     /// Time in the kernel, where the device knows it.
     pub in_kernel: Option<Duration>,
+}
+
+/// What a kernel that makes rays is given beside the scene.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe<'a> {
+    /// [`Purpose::Camera`] or [`Purpose::Bounce`].
+    pub purpose: Purpose,
+    /// Read at binding 5: [`rt_bvh::offload::KernelCamera`] or [`rt_bvh::offload::KernelBounce`].
+    pub block: &'a [u8],
+    /// Read at binding 4: pixels or departures.
+    pub list: &'a [u32],
+    /// Read at binding 7: the departures' parents; nothing for a camera.
+    pub parents: &'a [u32],
+    /// How many rays it makes.
+    pub count: u32,
+}
+
+impl Recipe<'_> {
+    /// What is sent of it.
+    #[must_use]
+    pub const fn bytes(&self) -> u64 {
+        (size_of_val(self.block) + size_of_val(self.list) + size_of_val(self.parents)) as u64
+    }
 }
 
 /// One scene on one graphics card, and a stream's rays beside it.
@@ -63,14 +86,13 @@ pub trait Board: Send + Debug {
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Makes the first `camera.count` rays of a window by the kernel [`Purpose::Camera`], given the camera and its pixels;
-    /// `false` where the device does not make the bits that the host makes ([`crate::camera`] finds out). Nothing is in
-    /// flight.
+    /// Makes rays of a window; `false` where the device does not make the bits that the host makes ([`crate::camera`] and
+    /// [`crate::bounce`] find out). Nothing is in flight.
     ///
     /// # Errors
-    /// When there is no memory for the pixels, or the device is lost.
-    fn make_rays(&mut self, window: u32, camera: &KernelCamera, pixels: &[u32]) -> Result<bool, DeviceError> {
-        let _ = (window, camera, pixels);
+    /// When there is no memory for what the kernel is given, or the device is lost.
+    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
+        let _ = (window, recipe);
         Ok(false)
     }
 

@@ -1,7 +1,7 @@
 //! What a graphics device says of itself.
 
-use crate::{Layouts, Profile, Tally};
-use rt_core::Device;
+use crate::{Layouts, Profile, Tally, bounce};
+use rt_core::{Device, DeviceError};
 
 /// A graphics card, or a processor in the guise of one, as its driver describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -56,6 +56,12 @@ pub trait GpuDevice: Device {
     fn layouts(&self) -> Layouts {
         self.profile().layouts
     }
+
+    /// The first ray of the trials that it makes otherwise than the host, in words; `None` if it makes them all right.
+    ///
+    /// # Errors
+    /// When the kernel cannot be compiled or the device is lost.
+    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError>;
 }
 
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.

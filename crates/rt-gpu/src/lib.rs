@@ -3,8 +3,8 @@
 //! A backend implements [`Board`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
 //! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
 //! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
-//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`] and [`camera`] find out whether a card
-//! computes as the host relies on.
+//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and [`bounce`] find out
+//! whether a card computes as the host relies on.
 //!
 //! # What crosses the bus
 //!
@@ -12,6 +12,7 @@
 //! |---|---|---|
 //! | loading a ray of the host's | 64 bytes | |
 //! | loading a camera ray | 4 bytes a pixel | |
+//! | loading a ray that leaves a surface | 12 bytes, and its parent's number: 4, or 8 for all in a row | |
 //! | tracing a ray of a whole task | 8 bytes a task or less: neighbours are one range | 4 bytes, 12 with counts |
 //! | tracing a ray of a task with rays left out | 4 bytes at most | 4 bytes, 12 with counts; none for rays left out |
 //! | walking a ray | 4 bytes | 12 bytes: hit and counts |
@@ -21,6 +22,7 @@
 
 pub mod arithmetic;
 mod board;
+pub mod bounce;
 pub mod camera;
 mod card;
 mod image;
@@ -34,7 +36,7 @@ mod trouble;
 mod tuning;
 mod work;
 
-pub use board::{Answer, Board, Flight};
+pub use board::{Answer, Board, Flight, Recipe};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 pub use image::{Frame, SceneImage};
 pub use profile::Profile;

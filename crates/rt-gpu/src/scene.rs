@@ -29,7 +29,7 @@ impl Layouts {
     #[must_use]
     pub const fn of(self, purpose: Purpose) -> Layout {
         match purpose {
-            Purpose::Arithmetic | Purpose::Camera => Layout::Two,
+            Purpose::Arithmetic | Purpose::Camera | Purpose::Bounce => Layout::Two,
             purpose if purpose.counts() => self.count,
             _ => self.trace,
         }
@@ -123,6 +123,13 @@ impl GpuScene {
         &self.given
     }
 
+    /// For each slot of the given scene, where its triangle is on the device; empty where that is its own place.
+    pub(crate) fn places(&self) -> Vec<u32> {
+        let mut places = vec![0; self.slots.len()];
+        (0..).zip(&self.slots).for_each(|(place, &given)| places[given as usize] = place);
+        places
+    }
+
     /// The hit of a ray with the triangle at a slot of the device's order.
     pub(crate) fn finish(&self, offload: &Offload<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
         let given = if self.slots.is_empty() { Some(slot) } else { self.slots.get(slot as usize).copied() };
@@ -197,6 +204,7 @@ mod tests {
         assert!(scene.wide.is_none() && scene.slots.len() == on_device.len());
         for (slot, bytes) in on_device.iter().enumerate() {
             assert_eq!(*bytes, triangle(&SceneImage::new(&given), scene.slots[slot] as usize));
+            assert_eq!(scene.places()[scene.slots[slot] as usize], slot as u32);
         }
         assert!(scene.slots.windows(2).any(|pair| pair[0] > pair[1]), "the order is another one");
         let alone = GpuScene::from(given).settled();

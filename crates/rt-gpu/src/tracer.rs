@@ -9,6 +9,7 @@ use rt_core::{
     TestCounts, Ticket, Tracer, Traffic, Walk,
 };
 use rt_shaders::Purpose;
+use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -31,6 +32,8 @@ pub struct GpuTracer<B> {
     next_ticket: u64,
     traffic: Traffic,
     note: Option<String>,
+    /// Those of [`GpuScene::places`], made for the first stream of rays that leave surfaces.
+    places: OnceCell<Vec<u32>>,
 }
 
 impl<B: Board> GpuTracer<B> {
@@ -48,6 +51,7 @@ impl<B: Board> GpuTracer<B> {
             next_ticket: 0,
             traffic: Traffic::default(),
             note: None,
+            places: OnceCell::new(),
         }
     }
 
@@ -144,8 +148,10 @@ impl<B: Board> Tracer for GpuTracer<B> {
         if !self.pending.is_empty() {
             return;
         }
-        if matches!(source, RaySource::Camera(_)) {
-            self.board.prepare(Purpose::Camera);
+        match source {
+            RaySource::Camera(_) => self.board.prepare(Purpose::Camera),
+            RaySource::Bounce(_) => self.board.prepare(Purpose::Bounce),
+            RaySource::Explicit { .. } => {}
         }
         self.board.prepare(How::Trace(spec).purpose());
         if let Some(Ok(how)) = walk.map(|walk| how_to(walk, spec)) {
@@ -156,7 +162,8 @@ impl<B: Board> Tracer for GpuTracer<B> {
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
         self.source = no_rays();
-        let sent = rays::send(&mut self.board, self.scene.given(), &source)?;
+        let places = || &self.places.get_or_init(|| self.scene.places())[..];
+        let sent = rays::send(&mut self.board, self.scene.given(), places, &source)?;
         self.traffic.uploaded += sent.bytes;
         self.tally.add_made(sent.made);
         (self.source, self.spec) = (source, spec);

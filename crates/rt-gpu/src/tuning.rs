@@ -9,6 +9,6 @@ pub struct Tuning {
     pub persistent_lanes: Option<u32>,
     /// The most rays in one buffer, fewer than the device would bind at once; for tests. `None`: as many as it binds.
     pub window: Option<u32>,
-    /// Whether the host prepares camera rays even where the device makes them.
+    /// Whether the host prepares rays even where the device makes them.
     pub host_rays: bool,
 }

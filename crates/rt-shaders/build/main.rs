@@ -27,8 +27,11 @@ const PARTS: &[&str] = &["launch.wgsl", "double_float.wgsl", "slabs.wgsl", "tria
 const TREES: &[(&str, &str, &[u32])] =
     &[("Two", "traverse.wgsl", &[32, 64, 128]), ("Wide", "wide.wgsl", &[16, 32, 128])];
 
-/// The other parts of the kernel that makes camera rays.
-const CAMERA: &[&str] = &["ray.wgsl", "double_float.wgsl", "camera.wgsl"];
+/// The other parts of kernels that make rays: name in Rust, and the parts.
+const MAKERS: &[(&str, &[&str])] = &[
+    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "camera.wgsl"]),
+    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "bounce.wgsl"]),
+];
 
 /// The other parts of the kernel by which devices are checked.
 const ARITHMETIC: &[&str] = &["double_float.wgsl", "arithmetic.wgsl"];
@@ -55,7 +58,7 @@ const PRETENDING: &[(&str, usize, &str)] = &[
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "Work", "Camera"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "Work", "Camera", "Bounce"];
 
 struct Flags {
     any: bool,
@@ -85,7 +88,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
-    modules.push(add(&mut kernels, &target, ["Two", "Camera"], 0, &joined(CAMERA)?)?);
+    for (purpose, parts) in MAKERS {
+        modules.push(add(&mut kernels, &target, ["Two", purpose], 0, &joined(parts)?)?);
+    }
     add(&mut kernels, &target, ["Two", "Arithmetic"], 0, &joined(ARITHMETIC)?)?;
     for (purpose, rays, rest) in PRETENDING {
         // They trace nothing, so that one will do for trees of any layout and depth.

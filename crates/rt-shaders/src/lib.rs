@@ -56,6 +56,8 @@ pub enum Purpose {
     Unshortened,
     /// No traversal, but a stream's camera rays.
     Camera,
+    /// No traversal, but a stream's rays that leave surfaces.
+    Bounce,
     /// No traversal, but sums, products and quotients, by which a device is checked.
     Arithmetic,
     /// For tests: as [`Purpose::Closest`], and each ray counts how often it was visited since it was loaded.
@@ -90,7 +92,7 @@ impl Purpose {
     /// Whether the kernel reads a launch's rays: it traces, or does so wrongly on purpose, or tells of visits.
     #[must_use]
     pub const fn traces(self) -> bool {
-        !matches!(self, Self::Camera | Self::Arithmetic)
+        !matches!(self, Self::Camera | Self::Bounce | Self::Arithmetic)
     }
 
     /// Whether the kernel does wrong on purpose.
@@ -117,7 +119,7 @@ pub struct Kernel {
     pub bindings: &'static [Binding],
     code: &'static [u8],
     /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
-    /// the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero` or the first pair of
+    /// the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero`, `Bounce::zero` or the first pair of
     /// [`Purpose::Arithmetic`].
     pub wgsl: &'static str,
 }
@@ -170,7 +172,7 @@ mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
     use rt_bvh::WideNode;
-    use rt_bvh::offload::{KernelCamera, KernelRay};
+    use rt_bvh::offload::{KernelBounce, KernelCamera, KernelRay};
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
     fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
@@ -218,6 +220,23 @@ mod tests {
         ]
         .map(|(name, offset)| (name, offset as u32));
         assert_eq!(layout("Camera"), (&camera[..], size_of::<KernelCamera>()));
+        let bounce = [
+            ("middle", offset_of!(KernelBounce, middle)),
+            ("disc", offset_of!(KernelBounce, disc)),
+            ("tangent", offset_of!(KernelBounce, tangent)),
+            ("seed", offset_of!(KernelBounce, seed)),
+            ("bitangent", offset_of!(KernelBounce, bitangent)),
+            ("samples", offset_of!(KernelBounce, samples)),
+            ("dimension", offset_of!(KernelBounce, dimension)),
+            ("first", offset_of!(KernelBounce, first)),
+            ("count", offset_of!(KernelBounce, count)),
+            ("tmax", offset_of!(KernelBounce, tmax)),
+            ("coordinates", offset_of!(KernelBounce, coordinates)),
+            ("exponents", offset_of!(KernelBounce, exponents)),
+            ("zero", offset_of!(KernelBounce, zero)),
+        ]
+        .map(|(name, offset)| (name, offset as u32));
+        assert_eq!(layout("Bounce"), (&bounce[..], size_of::<KernelBounce>()));
         // vec2<u32>.
         assert_eq!((offset_of!(TestCounts, boxes), offset_of!(TestCounts, triangles)), (0, 4));
         assert_eq!(size_of::<TestCounts>(), 8);
@@ -254,6 +273,9 @@ mod tests {
             match kernel.purpose {
                 Purpose::Arithmetic => assert_eq!(bindings, [(4, false), (6, true)]),
                 Purpose::Camera => assert_eq!(bindings, [(4, false), (5, false), (6, true)]),
+                Purpose::Bounce => {
+                    assert_eq!(bindings, [(1, false), (2, false), (4, false), (5, false), (6, true), (7, false)]);
+                }
                 // They visit no node.
                 purpose if purpose.is_faulty() => assert_eq!(kernel.bindings, &all[1..]),
                 Purpose::Visiting | Purpose::VisitingCounted | Purpose::Visits => {

@@ -4,9 +4,10 @@ use super::Case;
 use super::fixtures;
 use super::session::{Session, ensure, same_hits};
 use glam::Vec3;
+use rt_core::bounce::{Aim, Departure, Scatter, Surfaces, basis};
 use rt_core::{
-    Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, SceneParts,
-    StreamSpec, Task, TestCounts, Walk, morton, random, tasks_of,
+    BounceRays, Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene,
+    SceneParts, StreamSpec, Task, TestCounts, Walk, morton, random, tasks_of,
 };
 use std::sync::Arc;
 
@@ -17,6 +18,7 @@ pub(super) const CASES: &[Case] = &[
     Case { name: "rays_can_be_replaced", run: rays_can_be_replaced },
     Case { name: "camera_rays_equal_explicit_rays", run: camera_rays_equal_explicit_rays },
     Case { name: "getting_ready_changes_nothing", run: getting_ready_changes_nothing },
+    Case { name: "bounce_rays_equal_explicit_rays", run: bounce_rays_equal_explicit_rays },
     Case { name: "nothing_is_an_answer_to_nothing", run: nothing_is_an_answer_to_nothing },
 ];
 
@@ -157,6 +159,37 @@ fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
             ensure!(launch.counts == explicit.counts, "{samples} samples: other counts than for explicit rays");
         }
     }
+    Ok(())
+}
+
+fn bounce_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
+    let mut hit = false;
+    for name in ["terrain", "soup", "sphere", "plane", "needles", "mixed scales", "far away", "tiny", "huge"] {
+        let fixture = fixtures::named(name)?;
+        let surfaces = Arc::new(Surfaces::new(Arc::clone(&fixture.scene)));
+        let middle = Vec3::new(0.48, 0.6, 0.64);
+        let (tangent, bitangent) = basis(middle);
+        let sun = Aim::Disc { middle, radii: [tangent * 0.1, bitangent * 0.1] };
+        // A triangle that there is not, among others.
+        let number = |i: usize| if i == 7 { u32::MAX - 1 } else { i as u32 % fixture.triangles.len() as u32 };
+        let behind = |i: usize| i.is_multiple_of(3);
+        let hit_at = |i: usize| Hit { t: 1.0, u: 0.25, v: i as f32 / 400.0, primitive: number(i) };
+        let departures: Arc<[Departure]> =
+            (0..200).filter_map(|i| Departure::new(&hit_at(i), behind(i), 2 * i as u32)).collect();
+        for aim in [Aim::Cosine, sun] {
+            let scatter = Scatter { aim, seed: 4, samples: 3, bounce: 1 };
+            let made = BounceRays { surfaces: Arc::clone(&surfaces), departures: Arc::clone(&departures), scatter };
+            let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| made.ray(i)).collect();
+            let explicit = Session::whole(device, &fixture.scene, &rays, SPEC)?;
+            hit |= explicit.hits.iter().any(Hit::is_hit);
+            let mut session = Session::open(device, &fixture.scene)?;
+            session.load_source(RaySource::Bounce(Arc::new(made)), SPEC)?;
+            let launch = session.trace(&tasks_of(rays.len() as u32, 90), None)?;
+            same_hits(name, &launch.hits, &explicit.hits)?;
+            ensure!(launch.counts == explicit.counts, "{name}: other counts than for explicit rays");
+        }
+    }
+    ensure!(hit, "no ray hits anything");
     Ok(())
 }
 

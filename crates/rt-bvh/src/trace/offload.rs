@@ -3,8 +3,10 @@
 //! Such a kernel tests the same boxes as [`crate::trace()`], bit for bit, since divisions and scalings are made here, on
 //! the host. It decides which triangle is hit; t, u and v are recomputed here from ray and triangle.
 
+mod bounce;
 mod camera;
 
+pub use bounce::KernelBounce;
 pub use camera::KernelCamera;
 
 use super::slabs::Frame;

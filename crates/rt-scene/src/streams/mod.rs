@@ -4,12 +4,9 @@
 //! threads or chunks. So a caller may cut the hits of a stream into ranges, spawn from them in parallel and append
 //! the results in order.
 
-mod sampling;
 mod spawn;
-mod surface;
 
 pub use spawn::{Spawned, Spawner, Sun};
-pub use surface::SurfacePoint;
 
 use rt_core::{Camera, CameraRays, morton};
 use std::error::Error;

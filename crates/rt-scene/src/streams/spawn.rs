@@ -1,10 +1,9 @@
 //! The rays that follow from the hits of a stream.
 
-use super::sampling::{basis, cosine_weighted, disc};
-use super::surface::SurfacePoint;
 use crate::Model;
-use glam::{DVec3, Vec3};
-use rt_core::{Hit, Ray, RaySource, random};
+use glam::Vec3;
+use rt_core::bounce::{Aim, Departure, Scatter, Surface, basis};
+use rt_core::{Hit, Ray, RaySource};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -33,23 +32,13 @@ impl Spawned {
         let origins: Arc<[u32]> = self.origins.into();
         (RaySource::Explicit { rays: self.rays.into(), origins: Some(origins) }, self.parents)
     }
-
-    fn push(&mut self, origin: Vec3, direction: Vec3, primitive: u32, parent: u32) {
-        // At the edge of single precision a coordinate may have become infinite.
-        if origin.is_finite() {
-            self.rays.push(Ray::new(origin, direction));
-            self.origins.push(primitive);
-            self.parents.push(parent);
-        }
-    }
 }
 
 /// A directional light with an angular radius, such as the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sun {
-    direction: DVec3,
-    tangent: DVec3,
-    bitangent: DVec3,
+    middle: Vec3,
+    radii: [Vec3; 2],
 }
 
 impl Sun {
@@ -62,33 +51,32 @@ impl Sun {
     /// `None` when `towards` is zero or not finite, or `radius` is not in `0 ≤ radius < π/2`.
     #[must_use]
     pub fn new(towards: Vec3, radius: f32) -> Option<Self> {
-        let direction = towards.as_dvec3().try_normalize()?;
+        let middle = towards.as_dvec3().try_normalize()?.as_vec3();
         if !(0.0..std::f32::consts::FRAC_PI_2).contains(&radius) {
             return None;
         }
-        let (tangent, bitangent) = basis(direction);
-        let size = libm::tan(f64::from(radius));
-        Some(Self { direction, tangent: tangent * size, bitangent: bitangent * size })
+        let (tangent, bitangent) = basis(middle);
+        let size = libm::tan(f64::from(radius)) as f32;
+        Some(Self { middle, radii: [tangent * size, bitangent * size] })
     }
 
     /// Unit vector towards the middle of the sun.
     #[must_use]
-    pub fn direction(&self) -> Vec3 {
-        self.direction.as_vec3()
+    pub const fn direction(&self) -> Vec3 {
+        self.middle
     }
 
-    /// A unit vector towards a point of the sun, spread evenly over a flat disc that is as large as the sun seems.
-    fn sample(&self, uniform: [f32; 2]) -> DVec3 {
-        let (x, y, _) = disc(uniform);
-        (self.direction + self.tangent * x + self.bitangent * y).normalize()
+    /// Where rays to the sun go: to points spread evenly over a flat disc that is as large as the sun seems.
+    #[must_use]
+    pub const fn aim(&self) -> Aim {
+        Aim::Disc { middle: self.middle, radii: self.radii }
     }
 }
 
-/// Makes the next streams from the hits of a traced one.
+/// Finds the rays that follow from the hits of a traced stream, and makes them.
 ///
-/// Random numbers come from [`random::spread_pair`] of (seed, group of the parent ray, bounce, number in the group), so
-/// that the rays of one group fill the hemisphere and the sun evenly. Two streams that number their
-/// rays from 0 (the waves of an image, the frames of an animation) need different seeds.
+/// What they are is defined in [`rt_core::bounce`]. [`Spawner::departures`] names them in half the memory, for a
+/// [`rt_core::BounceRays`] that devices make themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Spawner<'a> {
     /// The traced model.
@@ -111,7 +99,7 @@ impl Spawner<'_> {
     /// A `range` beyond the rays or hits is cut; the whole stream is `0..hits.len()`.
     #[must_use]
     pub fn diffuse(&self, range: Range<u32>) -> Spawned {
-        self.spawn(range, 1, |point, uniform| Some(cosine_weighted(point.normal, uniform).as_vec3()))
+        self.spawn(Aim::Cosine, range)
     }
 
     /// For every hit of the rays `range`, a ray towards a random point of the sun, where the seen side faces that point:
@@ -120,52 +108,68 @@ impl Spawner<'_> {
     /// A `range` beyond the rays or hits is cut; the whole stream is `0..hits.len()`.
     #[must_use]
     pub fn shadow(&self, sun: &Sun, range: Range<u32>) -> Spawned {
-        self.spawn(range, 2, |point, uniform| {
-            // At sunset only a part of the disc is above the surface: rays to the rest are left out.
-            let direction = sun.sample(uniform).as_vec3();
-            let above = point.normal.dot(direction.as_dvec3()) > LEAST_COSINE;
-            above.then_some(direction)
-        })
+        self.spawn(sun.aim(), range)
     }
 
-    fn spawn(
-        &self,
-        range: Range<u32>,
-        purpose: u32,
-        direction: impl Fn(&SurfacePoint, [f32; 2]) -> Option<Vec3>,
-    ) -> Spawned {
-        // Dimension 0 belongs to positions inside a pixel.
-        let dimension = self.bounce.wrapping_mul(2).wrapping_add(purpose);
-        let end = range.end.min(self.rays.len()).min(u32::try_from(self.hits.len()).unwrap_or(u32::MAX));
-        let start = range.start.min(end);
-        let samples = self.samples.max(1);
-        let uniform = |ray: u32| random::spread_pair(self.seed, ray / samples, dimension, ray % samples);
-        let most = (end - start) as usize;
+    /// How directions are drawn that go to `aim`.
+    #[must_use]
+    pub const fn scatter(&self, aim: Aim) -> Scatter {
+        Scatter { aim, seed: self.seed, samples: self.samples, bounce: self.bounce }
+    }
+
+    /// Where the rays leave that [`Spawner::diffuse`] or [`Spawner::shadow`] would make.
+    #[must_use]
+    pub fn departures(&self, aim: Aim, range: Range<u32>) -> Vec<Departure> {
+        let scatter = self.scatter(aim);
+        self.cut(range).filter_map(|parent| Some(self.departure(&scatter, parent)?.0)).collect()
+    }
+
+    fn spawn(&self, aim: Aim, range: Range<u32>) -> Spawned {
+        let (scatter, range) = (self.scatter(aim), self.cut(range));
         let mut out = Spawned {
-            rays: Vec::with_capacity(most),
-            origins: Vec::with_capacity(most),
-            parents: Vec::with_capacity(most),
+            rays: Vec::with_capacity(range.len()),
+            origins: Vec::with_capacity(range.len()),
+            parents: Vec::with_capacity(range.len()),
         };
-        for parent in start..end {
-            let hit = &self.hits[parent as usize];
-            // A miss has no triangle either.
-            let Some(triangle) = self.model.triangle(hit.primitive) else { continue };
-            let Some(point) = SurfacePoint::new(&triangle, hit, self.rays.ray(parent).0.direction) else { continue };
-            if let Some(direction) = direction(&point, uniform(parent)) {
-                out.push(point.origin(), direction, hit.primitive, parent);
-            }
+        for parent in range {
+            let Some((from, surface)) = self.departure(&scatter, parent) else { continue };
+            out.rays.push(scatter.ray(&surface, &from));
+            out.origins.push(from.primitive);
+            out.parents.push(parent);
         }
         out
     }
+
+    fn cut(&self, range: Range<u32>) -> Range<u32> {
+        let end = range.end.min(self.rays.len()).min(u32::try_from(self.hits.len()).unwrap_or(u32::MAX));
+        range.start.min(end)..end
+    }
+
+    /// Where the ray leaves that follows from the hit of ray `parent`; `None` where none does.
+    fn departure(&self, scatter: &Scatter, parent: u32) -> Option<(Departure, Surface)> {
+        let hit = &self.hits[parent as usize];
+        // A miss has no triangle either.
+        let surface = Surface::new(&self.model.triangle(hit.primitive)?, 0)?;
+        let from = Departure::new(hit, surface.is_seen_from_behind(&self.rays.ray(parent).0), parent)?;
+        if let Aim::Disc { .. } = scatter.aim {
+            // At sunset only a part of the disc is above the surface: rays to the rest are left out.
+            let normal = from.normal(&surface);
+            let cosine = normal.as_dvec3().dot(scatter.direction(normal, parent).as_dvec3());
+            (cosine > LEAST_COSINE).then_some(())?;
+        }
+        // At the edge of single precision a coordinate may become infinite.
+        (!surface.may_overflow() || from.origin(&surface).is_finite()).then_some((from, surface))
+    }
 }
 
-/// Least cosine between a shadow ray and the normal: a lower one could be negative for the exact normal and direction,
-/// given directions rounded to single precision (2⁻²⁴ per component).
-const LEAST_COSINE: f64 = 1e-6;
+/// Least cosine between a shadow ray and the normal: a lower one could be negative for the exact normal and direction.
+/// Each is off by some 2⁻²² in single precision.
+const LEAST_COSINE: f64 = 1.0 / (1 << 19) as f64;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rt_core::random;
 
     #[test]
     fn suns_have_a_direction_and_a_size() {
@@ -176,10 +180,11 @@ mod tests {
         assert!(Sun::new(Vec3::Y, 2.0).is_none());
         let sun = Sun::new(Vec3::new(0.0, 1e-20, 1e-20), Sun::REAL_RADIUS).unwrap();
         for i in 0..1000 {
-            let d = sun.sample(random::pair(1, i, 0));
-            assert!((d.length() - 1.0).abs() < 1e-12);
-            assert!(d.dot(sun.direction) >= f64::from(Sun::REAL_RADIUS).cos() - 1e-12);
+            let d = sun.aim().direction(Vec3::Z, random::pair(1, i, 0)).as_dvec3();
+            assert!((d.length() - 1.0).abs() < 3e-7);
+            // Of so small an angle the cosine says too little in single precision.
+            assert!(d.cross(sun.direction().as_dvec3()).length() <= f64::from(Sun::REAL_RADIUS) + 2e-7);
         }
-        assert_eq!(Sun::new(Vec3::Y, 0.0).unwrap().sample([0.3, 0.9]).as_vec3(), Vec3::Y);
+        assert_eq!(Sun::new(Vec3::Y, 0.0).unwrap().aim().direction(Vec3::Z, [0.3, 0.9]).normalize(), Vec3::Y);
     }
 }

@@ -45,7 +45,17 @@ pub struct KernelCamera {
 const EXPONENTS: [i32; 2] = [-63, 63];
 
 /// As single precision stores it.
-const BIAS: i32 = 127;
+pub(super) const BIAS: i32 = 127;
+
+/// Exponents, as stored in single precision, of the largest component of directions that a kernel may take on, where
+/// distances have at most the exponent `reach`; `None` if there is none.
+pub(super) fn direction_exponents(scene: i32, reach: i32) -> Option<[u32; 2]> {
+    // Where s is the scene's exponent and d the direction's, `prepare` asks that LEAST_EXPONENT ≤ s − d, and that
+    // s − d + the reach's exponent < GREATEST_EXPONENT.
+    let least = (scene + reach - GREATEST_EXPONENT + 1).max(EXPONENTS[0]);
+    let greatest = (scene - LEAST_EXPONENT).min(EXPONENTS[1]);
+    (least <= greatest).then(|| [least, greatest].map(|exponent| (exponent + BIAS) as u32))
+}
 
 impl KernelCamera {
     /// The camera for `count` rays of the stream from number `first` on, and those of the stream's pixels that they belong
@@ -65,14 +75,10 @@ impl Offload<'_> {
     pub fn camera(&self, rays: &CameraRays) -> Option<KernelCamera> {
         let local = self.frame.localize(&Ray::new(rays.camera.eye(), rays.camera.forward()))?;
         let reach = f64::from(local.reach);
-        // Where s is the scene's exponent and d the direction's, `prepare` asks that LEAST_EXPONENT ≤ s − d, and that
-        // s − d + the reach's exponent < GREATEST_EXPONENT.
-        let scene = exponent_of(local.scale);
-        let least = (scene + exponent_of(reach) - GREATEST_EXPONENT + 1).max(EXPONENTS[0]);
-        let greatest = (scene - LEAST_EXPONENT).min(EXPONENTS[1]);
+        let exponents = direction_exponents(exponent_of(local.scale), exponent_of(reach))?;
         let raster = rays.raster();
         let counted = rays.samples > 0 && raster.aspect.is_finite() && raster.pixel.iter().all(|side| side.is_finite());
-        if !(REACH[0]..=REACH[1]).contains(&reach) || least > greatest || !counted {
+        if !(REACH[0]..=REACH[1]).contains(&reach) || !counted {
             return None;
         }
         let [right, up] = rays.camera.image_axes();
@@ -88,7 +94,7 @@ impl Offload<'_> {
             pixel: raster.pixel,
             aspect: raster.aspect,
             tmax: f32::MAX,
-            exponents: [least, greatest].map(|exponent| (exponent + BIAS) as u32),
+            exponents,
             zero: 0,
             unused: 0,
         })

@@ -3,12 +3,14 @@
 use glam::Vec3;
 
 /// 2^exponent in double precision, for −1022 ≤ exponent ≤ 1023; all that single-precision inputs can ask for.
-pub(crate) const fn pow2(exponent: i32) -> f64 {
+#[must_use]
+pub const fn pow2(exponent: i32) -> f64 {
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }
 
 /// The `e` with 2^(e−1) ≤ |x| < 2^e; 0 for zero. `x` is finite.
-pub(crate) const fn exponent(x: f32) -> i32 {
+#[must_use]
+pub const fn exponent(x: f32) -> i32 {
     let bits = x.to_bits() & 0x7fff_ffff;
     match bits >> 23 {
         0 if bits == 0 => 0,
@@ -19,7 +21,8 @@ pub(crate) const fn exponent(x: f32) -> i32 {
 }
 
 /// `v · factor`, rounded once: exact for a power of two unless the result is subnormal or overflows.
-pub(crate) fn scaled(v: Vec3, factor: f64) -> Vec3 {
+#[must_use]
+pub fn scaled(v: Vec3, factor: f64) -> Vec3 {
     (v.as_dvec3() * factor).as_vec3()
 }
 

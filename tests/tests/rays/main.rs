@@ -1,8 +1,10 @@
-//! Rays on graphics devices: made there from the camera, in several buffers, by persistent threads; always the hits and
+//! Rays on graphics devices: made there from the camera and from hits, in several buffers, by persistent threads; always the hits and
 //! counts of the processor.
 //!
 //! The first device of each backend is tried, Vulkan's with the validation layer where it is installed. Without one the
 //! tests are ignored with the reason, unless `RT_REQUIRE` names the backend.
+
+mod bounces;
 
 use backend_vulkan::{OpenError, VulkanDevice};
 use backend_wgpu::WgpuDevice;
@@ -37,8 +39,11 @@ const BACKENDS: [Backend; 2] = [("vulkan", vulkan), ("wgpu", wgpu)];
 
 type Test = fn(Backend) -> Result<(), Failed>;
 
-const TESTS: [(&str, Test); 5] = [
+const TESTS: [(&str, Test); 8] = [
     ("camera_rays_are_made_there", camera_rays_are_made_there),
+    ("bounces_are_made_there", bounces::are_made_there),
+    ("bounces_are_the_hosts_to_the_bit", bounces::are_the_hosts_to_the_bit),
+    ("bounces_of_a_wrong_kernel_are_the_hosts", bounces::of_a_wrong_kernel_are_the_hosts),
     ("windows_change_nothing", windows_change_nothing),
     ("persistent_threads_change_nothing", persistent_threads_change_nothing),
     ("each_ray_that_is_asked_for_is_traced_once", each_ray_that_is_asked_for_is_traced_once),

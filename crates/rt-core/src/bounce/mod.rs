@@ -1,0 +1,195 @@
+//! Rays that leave surfaces where other rays met them, made on demand from their number.
+//!
+//! This module defines them. All it does are sums and products in single precision, whole numbers and the choice between
+//! them, so that a device without double precision, and one that does not divide or take roots as IEEE 754 says, can make
+//! the same bits: no result depends on who computes it.
+
+mod direction;
+mod exact;
+mod surface;
+
+pub use direction::{Aim, basis};
+pub use surface::{GREATEST_EXPONENT, LEAST_EXPONENT, Surface};
+
+use crate::{Hit, Ray, Scene, Triangle, random};
+use alloc::sync::Arc;
+use alloc::vec;
+use alloc::vec::Vec;
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// The triangles of a scene by their primitive ids.
+#[derive(Debug)]
+pub struct Surfaces {
+    scene: Arc<Scene>,
+    /// For each primitive its slot in leaf order; [`u32::MAX`] where it has none.
+    slots: Vec<u32>,
+}
+
+impl Surfaces {
+    /// Those of `scene`: 4 bytes for each triangle.
+    #[must_use]
+    pub fn new(scene: Arc<Scene>) -> Self {
+        let mut slots = vec![u32::MAX; scene.primitive_count() as usize];
+        for slot in 0..scene.primitives().len() {
+            // A scene's ids are below their number, and its triangles can be numbered in 32 bits.
+            slots[scene.primitives().get(slot) as usize] = slot as u32;
+        }
+        Self { scene, slots }
+    }
+
+    /// The scene.
+    #[must_use]
+    pub const fn scene(&self) -> &Arc<Scene> {
+        &self.scene
+    }
+
+    /// Where a primitive's triangle is in leaf order; `None` where there is none that can be hit.
+    #[must_use]
+    pub fn slot(&self, primitive: u32) -> Option<u32> {
+        self.slots.get(primitive as usize).copied().filter(|&slot| slot != u32::MAX)
+    }
+
+    /// The triangle of a primitive, in the scene's local coordinates; `None` where there is none that can be hit.
+    #[must_use]
+    pub fn triangle(&self, primitive: u32) -> Option<&Triangle> {
+        self.scene.triangles().get(self.slot(primitive)? as usize)
+    }
+}
+
+/// Where a ray leaves a surface: a point of a triangle, one of its sides, and the ray that met it. 16 bytes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct Departure {
+    /// Weights of the second and the third vertex in units of 2⁻²⁴, together at most 1; in the first one's upper bit
+    /// [`Departure::BEHIND`].
+    pub weights: [u32; 2],
+    /// The triangle.
+    pub primitive: u32,
+    /// Number of the ray that met it, in its own stream.
+    pub parent: u32,
+}
+
+/// 1 in units of 2⁻²⁴, the finest in which single precision holds all of `0..=1`.
+const ONE: u32 = 1 << 24;
+
+impl Departure {
+    /// The bit of a ray that leaves from the side away from the normal.
+    pub const BEHIND: u32 = 1 << 31;
+
+    /// From the point of a hit; `None` for a miss, and for weights that are no weights.
+    #[must_use]
+    pub fn new(hit: &Hit, behind: bool, parent: u32) -> Option<Self> {
+        // Twice as wide as rounding could ever make them.
+        let is_weight = |w: f32| (-0.01..=1.01).contains(&w);
+        if !(hit.is_hit() && is_weight(hit.u) && is_weight(hit.v)) {
+            return None;
+        }
+        // Not negative: the conversion to whole numbers makes that 0.
+        let [u, v] = [hit.u, hit.v].map(|w| ((f64::from(w) * f64::from(ONE) + 0.5) as u32).min(ONE));
+        let side = if behind { Self::BEHIND } else { 0 };
+        Some(Self { weights: [u | side, v.min(ONE - u)], primitive: hit.primitive, parent })
+    }
+
+    /// Whether the ray leaves from the side away from the normal.
+    #[must_use]
+    pub const fn is_behind(&self) -> bool {
+        self.weights[0] & Self::BEHIND != 0
+    }
+
+    /// Unit vector on the ray's side.
+    #[must_use]
+    pub fn normal(&self, surface: &Surface) -> Vec3 {
+        if self.is_behind() { -surface.normal() } else { surface.normal() }
+    }
+
+    /// The point where the ray starts.
+    #[must_use]
+    pub fn origin(&self, surface: &Surface) -> Vec3 {
+        let [u, v] = self.weights.map(|weight| (weight & !Self::BEHIND).min(ONE));
+        let weights = [ONE.saturating_sub(u + v), u, v];
+        surface.origin(weights.map(|weight| weight as f32 * (1.0 / ONE as f32)), self.normal(surface))
+    }
+}
+
+/// How the directions of a stream are drawn.
+///
+/// Random numbers come from [`random::spread_pair`] of (seed, group of the parent ray, bounce, number in the group), so
+/// that the rays of one group spread evenly. Two streams that number their parents from 0 (the waves of an image, the
+/// frames of an animation) need different seeds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// Where the rays go.
+    pub aim: Aim,
+    /// Seed of the random numbers.
+    pub seed: u32,
+    /// Consecutive parents that are summed up in the end, as those of one pixel; 0 counts as 1.
+    pub samples: u32,
+    /// Number of bounces before: 0 where the parents are primary rays.
+    pub bounce: u32,
+}
+
+impl Scatter {
+    /// The random numbers' dimension. 0 belongs to positions inside a pixel.
+    #[must_use]
+    pub const fn dimension(&self) -> u32 {
+        let purpose = match self.aim {
+            Aim::Cosine => 1,
+            Aim::Disc { .. } => 2,
+        };
+        self.bounce.wrapping_mul(2).wrapping_add(purpose)
+    }
+
+    /// The direction of the ray that leaves on the side of `normal` where ray `parent` met the surface.
+    #[must_use]
+    pub fn direction(&self, normal: Vec3, parent: u32) -> Vec3 {
+        let samples = self.samples.max(1);
+        let uniform = random::spread_pair(self.seed, parent / samples, self.dimension(), parent % samples);
+        self.aim.direction(normal, uniform)
+    }
+
+    /// The ray that leaves a surface: `tmin = 0`, `tmax = ∞`, a direction of unit length up to rounding.
+    #[must_use]
+    pub fn ray(&self, surface: &Surface, from: &Departure) -> Ray {
+        Ray::new(from.origin(surface), self.direction(from.normal(surface), from.parent))
+    }
+}
+
+/// A stream of rays that leave surfaces.
+#[derive(Clone, Debug)]
+pub struct BounceRays {
+    /// The scene whose triangles they leave.
+    pub surfaces: Arc<Surfaces>,
+    /// Where each ray leaves.
+    pub departures: Arc<[Departure]>,
+    /// Where they go.
+    pub scatter: Scatter,
+}
+
+impl BounceRays {
+    /// Number of rays; saturates at `u32::MAX`.
+    #[must_use]
+    pub fn len(&self) -> u32 {
+        u32::try_from(self.departures.len()).unwrap_or(u32::MAX)
+    }
+
+    /// Whether there is no ray.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.departures.is_empty()
+    }
+
+    /// Ray number `index`, which must be below [`BounceRays::len`], and the primitive it starts on. Invalid, so that it
+    /// misses, where that is none of the scene's or has no area.
+    #[must_use]
+    pub fn ray(&self, index: u32) -> (Ray, u32) {
+        let from = &self.departures[index as usize];
+        let triangle = self.surfaces.triangle(from.primitive);
+        let surface = triangle.and_then(|triangle| Surface::new(triangle, self.surfaces.scene.scale_exponent()));
+        let ray = surface.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |surface| self.scatter.ray(&surface, from));
+        (ray, from.primitive)
+    }
+}
+
+#[cfg(test)]
+mod tests;
