@@ -1,8 +1,9 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
+use crate::packets::Kernels;
 use crate::stopwatch::Stopwatch;
-use rt_bvh::{ReducedTree, Stack};
+use rt_bvh::{PacketWalk, ReducedTree, Stack};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
@@ -67,7 +68,8 @@ impl CpuTracer {
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
-        let worker = Worker { executor, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
+        let kernels = Kernels::detect();
+        let worker = Worker { executor, kernels, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -157,6 +159,7 @@ impl Tracer for CpuTracer {
 /// The tracer's thread.
 struct Worker {
     executor: Arc<Executor>,
+    kernels: Kernels,
     scene: Arc<Scene>,
     clock: Clock,
     /// Trees of reduced walks, made when the first of their kind is asked for.
@@ -238,8 +241,8 @@ impl Worker {
         }
         let slots = (0..piece.hits.len()).filter(wanted);
         let mut filled = slots.clone();
-        let rays = slots.map(|i| source.ray(piece.first + i as u32));
-        rt_bvh::trace(&self.scene, stack, spec, rays, |hit, counts| {
+        let rays = slots.map(|i| piece.first + i as u32);
+        self.kernels.walk(&self.scene, stack, PacketWalk::Trace(spec), source, rays, |hit, counts| {
             if let Some(i) = filled.next() {
                 piece.hits[i] = hit;
                 if let Some(slot) = piece.counts.get_mut(i) {
@@ -254,39 +257,52 @@ impl Worker {
         let mut counts = vec![TestCounts::default(); rays.len()];
         let mut hits = vec![Hit::MISS; rays.len()];
         let span = self.timed(|| {
-            let reduced = match walk {
+            let walk = match walk {
+                // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
+                Walk::Full => PacketWalk::Trace(StreamSpec { counts: true, ..spec }),
                 Walk::Reduced(ReducedWalk::LeafPlane) => {
-                    Some(self.planes.get_or_init(|| ReducedTree::with_planes(&self.scene)))
+                    PacketWalk::Tree(self.planes.get_or_init(|| ReducedTree::with_planes(&self.scene)))
                 }
                 Walk::Reduced(ReducedWalk::Truncated) => {
-                    Some(self.truncated.get_or_init(|| ReducedTree::truncated(&self.scene)))
+                    PacketWalk::Tree(self.truncated.get_or_init(|| ReducedTree::truncated(&self.scene)))
                 }
-                Walk::Full | Walk::Reduced(ReducedWalk::LeafAsHit | ReducedWalk::Unshortened) => None,
+                Walk::Reduced(walk @ (ReducedWalk::LeafAsHit | ReducedWalk::Unshortened)) => PacketWalk::Reduced(walk),
             };
+            // Rays in the stream's order, so that neighbours share packets; most lists are in it.
+            let mut order: Vec<(u32, usize)> = Vec::new();
+            if !rays.is_sorted() {
+                order.extend(rays.iter().copied().zip(0..));
+                order.sort_unstable();
+            }
+            let sorted: Vec<u32> = order.iter().map(|&(ray, _)| ray).collect();
+            let rays = if order.is_empty() { rays } else { &sorted };
             let pieces = rays.chunks(CHUNK).zip(counts.chunks_mut(CHUNK)).zip(hits.chunks_mut(CHUNK)).collect();
             self.executor.for_each(
                 pieces,
                 || Stack::for_scene(&self.scene),
                 |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
                     let mut i = 0;
-                    let rays = rays.iter().map(|&ray| source.ray(ray));
-                    let sink = |hit, count| {
+                    self.kernels.walk(&self.scene, stack, walk, source, rays.iter().copied(), |hit, count| {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
-                    };
-                    match (walk, reduced) {
-                        // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-                        (Walk::Full, _) => {
-                            rt_bvh::trace(&self.scene, stack, StreamSpec { counts: true, ..spec }, rays, sink)
-                        }
-                        (Walk::Reduced(_), Some(tree)) => tree.count(&self.scene, stack, rays, sink),
-                        (Walk::Reduced(_), None) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, sink),
-                    }
+                    });
                 },
             );
+            if !order.is_empty() {
+                (counts, hits) = (scattered(&counts, &order), scattered(&hits, &order));
+            }
         });
         Walked { counts, hits, span }
     }
+}
+
+/// Values that belong to sorted rays, at the places from which those came.
+fn scattered<T: Copy>(values: &[T], order: &[(u32, usize)]) -> Vec<T> {
+    let mut placed = values.to_vec();
+    for (&value, &(_, place)) in values.iter().zip(order) {
+        placed[place] = value;
+    }
+    placed
 }
 
 /// Cuts every task into pieces of at most `chunk` rays.

@@ -13,6 +13,7 @@
 //! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
 
 pub mod offload;
+mod packet;
 mod reduced;
 mod slabs;
 mod triangle;
@@ -20,6 +21,9 @@ mod visitor;
 mod walk;
 mod wide;
 
+#[cfg(target_arch = "x86_64")]
+pub use packet::walk_packets_avx2;
+pub use packet::{PacketWalk, walk_packets};
 pub use reduced::ReducedTree;
 pub use walk::Stack;
 
@@ -120,6 +124,7 @@ impl Layout for WideTree {
     }
 }
 
+#[inline(always)]
 fn trace_over<L, R, S>(layout: &L, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
 where
     L: Layout,
@@ -133,6 +138,7 @@ where
     }
 }
 
+#[inline(always)]
 fn count_over<L, R, S>(layout: &L, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     L: Layout,
@@ -155,6 +161,7 @@ where
 }
 
 /// Chooses the kernel, once per batch.
+#[inline(always)]
 fn trace_with<T, L, R, S>(layout: &L, stack: &mut Stack, query: Query, counts: bool, rays: R, sink: S)
 where
     T: TriangleTest,

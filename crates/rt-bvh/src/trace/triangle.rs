@@ -35,14 +35,44 @@ pub(super) trait TriangleTest {
 
     fn new(ray: &LocalRay) -> Self;
 
+    /// Where the whole line meets the triangle, in given units times [`TriangleTest::t_scale`].
+    fn intersect(&self, triangle: &Triangle) -> Option<Intersection>;
+
     /// Calls `meet` with the position of each triangle that the whole line meets, and where, until it breaks.
-    /// Distances are in given units.
-    fn leaf<F>(&self, triangles: &[Triangle], meet: F) -> ControlFlow<()>
+    #[inline]
+    fn leaf<F>(&self, triangles: &[Triangle], mut meet: F) -> ControlFlow<()>
     where
-        F: FnMut(usize, &Intersection) -> ControlFlow<()>;
+        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
+    {
+        for (i, triangle) in triangles.iter().enumerate() {
+            if let Some(intersection) = self.intersect(triangle) {
+                meet(i, &intersection)?;
+            }
+        }
+        ControlFlow::Continue(())
+    }
 
     /// Given distances are the intersections' times this.
     fn t_scale(&self) -> f64;
+
+    /// The filter in front of the test, for packets.
+    fn filter(&self) -> Option<Filter> {
+        None
+    }
+}
+
+/// One ray's numbers of the single-precision filter.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Filter {
+    pub(super) origin: Vec3,
+    /// The direction's dominant axis.
+    pub(super) dominant: usize,
+    /// Shear factors, in single precision.
+    pub(super) shear: [f32; 2],
+    /// 18·u·m, or ∞.
+    pub(super) error: f32,
+    /// 5·u·m.
+    pub(super) floor: f32,
 }
 
 /// The reference test for every triangle.
@@ -60,16 +90,8 @@ impl TriangleTest for Double {
     }
 
     #[inline]
-    fn leaf<F>(&self, triangles: &[Triangle], mut meet: F) -> ControlFlow<()>
-    where
-        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
-    {
-        for (i, triangle) in triangles.iter().enumerate() {
-            if let Some(intersection) = self.shear.intersect(triangle) {
-                meet(i, &intersection)?;
-            }
-        }
-        ControlFlow::Continue(())
+    fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
+        self.shear.intersect(triangle)
     }
 
     #[inline]
@@ -81,15 +103,7 @@ impl TriangleTest for Double {
 /// The reference test behind a single-precision filter.
 pub(super) struct Robust {
     exact: Double,
-    origin: Vec3,
-    /// The direction's dominant axis.
-    dominant: usize,
-    /// Shear factors, in single precision.
-    shear: [f32; 2],
-    /// 18·u·m, or ∞.
-    error: f32,
-    /// 5·u·m.
-    floor: f32,
+    filter: Filter,
 }
 
 /// Smallest and largest m for which the filter's arithmetic, and that of wide boxes, neither underflows nor overflows.
@@ -103,14 +117,20 @@ impl TriangleTest for Robust {
         let direction = ray.given.direction;
         let [x, y, dominant] = shear_axes(direction);
         let reach = if ray.reach > REACH[0] { ray.reach } else { REACH[0] };
-        Self {
-            exact: Double::new(ray),
+        let filter = Filter {
             origin: ray.origin,
             dominant,
             shear: [direction[x] / direction[dominant], direction[y] / direction[dominant]],
             error: if reach <= REACH[1] { 18.0 * U * reach } else { f32::INFINITY },
             floor: 5.0 * U * reach,
-        }
+        };
+        Self { exact: Double::new(ray), filter }
+    }
+
+    /// Without the filter.
+    #[inline]
+    fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
+        self.exact.intersect(triangle)
     }
 
     #[inline]
@@ -119,10 +139,10 @@ impl TriangleTest for Robust {
         F: FnMut(usize, &Intersection) -> ControlFlow<()>,
     {
         // One loop for each dominant axis, so that coordinates are picked at compile time.
-        match self.dominant {
-            0 => self.filter::<1, 2, 0, F>(triangles, meet),
-            1 => self.filter::<2, 0, 1, F>(triangles, meet),
-            _ => self.filter::<0, 1, 2, F>(triangles, meet),
+        match self.filter.dominant {
+            0 => self.sift::<1, 2, 0, F>(triangles, meet),
+            1 => self.sift::<2, 0, 1, F>(triangles, meet),
+            _ => self.sift::<0, 1, 2, F>(triangles, meet),
         }
     }
 
@@ -130,11 +150,16 @@ impl TriangleTest for Robust {
     fn t_scale(&self) -> f64 {
         self.exact.t_scale
     }
+
+    #[inline]
+    fn filter(&self) -> Option<Filter> {
+        Some(self.filter)
+    }
 }
 
 impl Robust {
     #[inline(always)]
-    fn filter<const X: usize, const Y: usize, const Z: usize, F>(
+    fn sift<const X: usize, const Y: usize, const Z: usize, F>(
         &self,
         triangles: &[Triangle],
         mut meet: F,
@@ -143,16 +168,18 @@ impl Robust {
         F: FnMut(usize, &Intersection) -> ControlFlow<()>,
     {
         for (i, triangle) in triangles.iter().enumerate() {
-            if self.misses::<X, Y, Z>(triangle) {
+            if self.filter.misses::<X, Y, Z>(triangle) {
                 continue;
             }
-            if let Some(intersection) = self.exact.shear.intersect(triangle) {
+            if let Some(intersection) = self.intersect(triangle) {
                 meet(i, &intersection)?;
             }
         }
         ControlFlow::Continue(())
     }
+}
 
+impl Filter {
     /// Whether the line certainly misses the triangle.
     #[inline(always)]
     fn misses<const X: usize, const Y: usize, const Z: usize>(&self, triangle: &Triangle) -> bool {
@@ -186,25 +213,19 @@ impl TriangleTest for Fast {
     }
 
     #[inline]
-    fn leaf<F>(&self, triangles: &[Triangle], mut meet: F) -> ControlFlow<()>
-    where
-        F: FnMut(usize, &Intersection) -> ControlFlow<()>,
-    {
-        for (i, triangle) in triangles.iter().enumerate() {
-            let (ab, ac) = (triangle.b - triangle.a, triangle.c - triangle.a);
-            let p = self.direction.cross(ac);
-            let reciprocal = 1.0 / ab.dot(p);
-            let s = self.origin - triangle.a;
-            let u = s.dot(p) * reciprocal;
-            let q = s.cross(ab);
-            let v = self.direction.dot(q) * reciprocal;
-            // False for NaN: a triangle seen edge-on is missed.
-            if u >= 0.0 && v >= 0.0 && u + v <= 1.0 {
-                let t = ac.dot(q) * reciprocal;
-                meet(i, &Intersection { t: t.into(), u: u.into(), v: v.into() })?;
-            }
-        }
-        ControlFlow::Continue(())
+    fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
+        let (ab, ac) = (triangle.b - triangle.a, triangle.c - triangle.a);
+        let p = self.direction.cross(ac);
+        let reciprocal = 1.0 / ab.dot(p);
+        let s = self.origin - triangle.a;
+        let u = s.dot(p) * reciprocal;
+        let q = s.cross(ab);
+        let v = self.direction.dot(q) * reciprocal;
+        // False for NaN: a triangle seen edge-on is missed.
+        (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| {
+            let t = ac.dot(q) * reciprocal;
+            Intersection { t: t.into(), u: u.into(), v: v.into() }
+        })
     }
 
     #[inline]

@@ -1,21 +1,48 @@
 //! The visitors: what a traversal is for.
 
 use super::slabs::LocalRay;
-use super::triangle::TriangleTest;
+use super::triangle::{Filter, TriangleTest};
 use super::walk::Visitor;
 use core::ops::ControlFlow;
+use rt_core::intersect::Intersection;
 use rt_core::{Hit, Scene, TestCounts};
 
 /// Finds the nearest hit, or with `ANY` whether there is one; counts tests with `COUNT`.
 pub(super) struct Nearest<'a, T, const ANY: bool, const COUNT: bool> {
+    test: T,
+    found: Found<'a>,
+    counts: TestCounts,
+}
+
+/// What a ray has met so far.
+struct Found<'a> {
     scene: &'a Scene,
     ray: LocalRay,
     excluded: u32,
-    test: T,
     best: Hit,
     /// Local distance of `best`.
     limit: f32,
-    counts: TestCounts,
+}
+
+impl Found<'_> {
+    /// Notes that `test` lets the ray's line meet triangle `slot`; whether that is the best hit so far.
+    #[inline(always)]
+    fn meet<T: TriangleTest>(&mut self, test: &T, slot: usize, intersection: &Intersection) -> bool {
+        let Self { scene, ray, excluded, best, limit } = self;
+        let primitive = scene.primitives().get(slot);
+        let Some(hit) = intersection.to_hit(test.t_scale(), ray.given.tmin, ray.given.tmax, primitive) else {
+            return false;
+        };
+        if !hit.is_before(best) || primitive == *excluded {
+            return false;
+        }
+        let t = ray.local_distance(hit.t);
+        if T::GATED && ray.slabs.enter(&scene.triangles()[slot].bounds(), t).is_none() {
+            return false;
+        }
+        (*best, *limit) = (hit, t);
+        true
+    }
 }
 
 impl<T, const ANY: bool, const COUNT: bool> Nearest<'_, T, ANY, COUNT> {
@@ -27,16 +54,17 @@ impl<T, const ANY: bool, const COUNT: bool> Nearest<'_, T, ANY, COUNT> {
 
 impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Nearest<'a, T, ANY, COUNT> {
     type Data = Scene;
+    const COUNTS: bool = COUNT;
 
     #[inline]
     fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
         let (test, limit) = (T::new(&ray), ray.local_distance(ray.given.tmax));
-        Self { scene, ray, excluded, test, best: Hit::MISS, limit, counts: TestCounts::default() }
+        Self { test, found: Found { scene, ray, excluded, best: Hit::MISS, limit }, counts: TestCounts::default() }
     }
 
     #[inline(always)]
     fn ray(&self) -> &LocalRay {
-        &self.ray
+        &self.found.ray
     }
 
     #[inline(always)]
@@ -48,28 +76,16 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
 
     #[inline(always)]
     fn limit(&self) -> f32 {
-        self.limit
+        self.found.limit
     }
 
     #[inline(always)]
     fn leaf(&mut self, _entry: f32, first: u32, count: u32) -> ControlFlow<()> {
-        let Self { scene, ray, excluded, test, best, limit, counts } = self;
-        let triangles = &scene.triangles()[first as usize..][..count as usize];
+        let Self { test, found, counts } = self;
+        let triangles = &found.scene.triangles()[first as usize..][..count as usize];
         let mut tests = count;
         let flow = test.leaf(triangles, |i, intersection| {
-            let primitive = scene.primitives().get(first as usize + i);
-            let Some(hit) = intersection.to_hit(test.t_scale(), ray.given.tmin, ray.given.tmax, primitive) else {
-                return ControlFlow::Continue(());
-            };
-            if !hit.is_before(best) || primitive == *excluded {
-                return ControlFlow::Continue(());
-            }
-            let t = ray.local_distance(hit.t);
-            if T::GATED && ray.slabs.enter(&triangles[i].bounds(), t).is_none() {
-                return ControlFlow::Continue(());
-            }
-            (*best, *limit) = (hit, t);
-            if ANY {
+            if found.meet(test, first as usize + i, intersection) && ANY {
                 tests = i as u32 + 1;
                 return ControlFlow::Break(());
             }
@@ -82,8 +98,31 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
     }
 
     #[inline]
+    fn filter(&self) -> Option<Filter> {
+        self.test.filter()
+    }
+
+    #[inline]
+    fn triangle(&mut self, slot: u32) -> ControlFlow<()> {
+        let Self { test, found, .. } = self;
+        let slot = slot as usize;
+        let intersection = test.intersect(&found.scene.triangles()[slot]);
+        if intersection.is_some_and(|met| found.meet(test, slot, &met)) && ANY {
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+
+    #[inline(always)]
+    fn triangles(&mut self, count: u32) {
+        if COUNT {
+            self.counts.triangles += count;
+        }
+    }
+
+    #[inline]
     fn finish(self) -> (Hit, TestCounts) {
-        (self.best, self.counts)
+        (self.found.best, self.counts)
     }
 }
 
@@ -96,6 +135,7 @@ pub(super) struct Reduced<const CUT: bool> {
 
 impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
     type Data = Scene;
+    const COUNTS: bool = true;
 
     #[inline]
     fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {

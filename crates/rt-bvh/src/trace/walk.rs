@@ -1,6 +1,8 @@
 //! The traversal loop.
 
+use super::packet;
 use super::slabs::{Frame, LocalRay};
+use super::triangle::Filter;
 use super::wide::Group;
 use crate::wide::WideTree;
 use alloc::vec::Vec;
@@ -11,6 +13,9 @@ use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 pub(super) trait Visitor<'a>: Sized {
     /// What it reads in leaves.
     type Data: ?Sized;
+
+    /// Whether it wants to know of box tests.
+    const COUNTS: bool;
 
     /// Begins a ray that must not hit the primitive `excluded`.
     fn begin(data: &'a Self::Data, ray: LocalRay, excluded: u32) -> Self;
@@ -28,6 +33,20 @@ pub(super) trait Visitor<'a>: Sized {
     /// `Break` ends the ray.
     fn leaf(&mut self, entry: f32, first: u32, count: u32) -> ControlFlow<()>;
 
+    /// What lets a packet pass by triangles that the ray certainly misses; without it every leaf goes to
+    /// [`Visitor::leaf`].
+    fn filter(&self) -> Option<Filter> {
+        None
+    }
+
+    /// Tests one triangle of a leaf, not counting it. Asked only of visitors with a filter.
+    fn triangle(&mut self, _slot: u32) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+
+    /// So many triangles were tested through [`Visitor::triangle`], or passed by.
+    fn triangles(&mut self, _count: u32) {}
+
     /// Ends a ray.
     fn finish(self) -> (Hit, TestCounts);
 }
@@ -38,6 +57,8 @@ pub struct Stack {
     pub(super) entries: Vec<Pending>,
     /// The same for wide trees.
     pub(super) groups: Vec<Group>,
+    /// The same for packets of rays.
+    pub(super) groups_of_rays: Vec<packet::Group>,
 }
 
 /// A child whose box was entered.
@@ -66,6 +87,15 @@ impl Stack {
         let depth = scene.depth() as usize;
         if self.entries.len() < depth {
             self.entries.resize(depth, Pending::default());
+        }
+    }
+
+    pub(super) fn fit_packets(&mut self, scene: &Scene) {
+        self.fit(scene);
+        // Each inner node on the path from the root leaves both children behind at most.
+        let depth = 2 * scene.depth() as usize;
+        if self.groups_of_rays.len() < depth {
+            self.groups_of_rays.resize(depth, packet::Group::EMPTY);
         }
     }
 

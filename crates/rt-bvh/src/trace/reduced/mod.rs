@@ -3,6 +3,7 @@
 mod plane;
 mod stub;
 
+use super::packet;
 use super::walk::{Stack, each_in};
 use alloc::vec::Vec;
 use plane::{LeafPlane, PlaneWalk};
@@ -71,6 +72,23 @@ impl ReducedTree {
             }
             Leaves::Stubs(stubs) => {
                 each_in::<StubWalk<'_>, R, S>(scene, &self.nodes, stubs.as_slice(), stack, rays, sink);
+            }
+        }
+    }
+
+    /// [`ReducedTree::count`] in packets of consecutive rays.
+    #[inline(always)]
+    pub(super) fn count_in_packets<R, S>(&self, scene: &Scene, stack: &mut Stack, rays: R, sink: S)
+    where
+        R: Iterator<Item = (Ray, u32)>,
+        S: FnMut(Hit, TestCounts),
+    {
+        match &self.leaves {
+            Leaves::Planes(planes) => {
+                packet::each_in::<PlaneWalk<'_>, R, S>(scene, &self.nodes, planes.as_slice(), stack, rays, sink);
+            }
+            Leaves::Stubs(stubs) => {
+                packet::each_in::<StubWalk<'_>, R, S>(scene, &self.nodes, stubs.as_slice(), stack, rays, sink);
             }
         }
     }

@@ -82,6 +82,7 @@ pub(super) struct PlaneWalk<'a> {
 
 impl<'a> Visitor<'a> for PlaneWalk<'a> {
     type Data = [LeafPlane];
+    const COUNTS: bool = true;
 
     #[inline]
     fn begin(planes: &'a [LeafPlane], ray: LocalRay, _excluded: u32) -> Self {

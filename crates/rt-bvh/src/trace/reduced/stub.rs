@@ -141,6 +141,7 @@ struct Tracing<'a> {
 
 impl<'a> Visitor<'a> for Tracing<'a> {
     type Data = Calibration<'a>;
+    const COUNTS: bool = false;
 
     fn begin(calibration: &'a Calibration<'a>, ray: LocalRay, excluded: u32) -> Self {
         let scene = calibration.scene;
@@ -194,6 +195,7 @@ pub(super) struct StubWalk<'a> {
 
 impl<'a> Visitor<'a> for StubWalk<'a> {
     type Data = [Stub];
+    const COUNTS: bool = true;
 
     #[inline]
     fn begin(stubs: &'a [Stub], ray: LocalRay, _excluded: u32) -> Self {

@@ -1,0 +1,168 @@
+//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the table of
+//! docs/results/sampling.md.
+//!
+//! `cargo run --release -p rt-benches --bin sampling -- SCENE... [--device cpu:1|vulkan:0] [--kinds primary,diffuse]
+//! [--one-of 8,64,128] [--size 1024x1024] [--runs 7]`
+//!
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each way,
+//! and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs. Walks count
+//! exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts, after one common
+//! scale, averaged over eight seeds.
+#![forbid(unsafe_code)]
+
+mod options;
+mod ways;
+
+use backend_cpu::CpuDevice;
+use backend_vulkan::VulkanDevice;
+use options::Options;
+use rt_balance::stats::median;
+use rt_benches::BenchScene;
+use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
+use rt_sched::metrics::EstimateErrors;
+use rt_sched::sample::Fraction;
+use std::error::Error;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use ways::{Sample, Subject, Way};
+
+/// Longest wait for a launch: a software rasteriser on a loaded machine is slow.
+pub(crate) const LIMIT: Duration = Duration::from_secs(600);
+
+/// Rays of a task: 32 × 32 pixels.
+const TASK: u32 = 1024;
+
+/// Samples that errors are averaged over.
+const SEEDS: u32 = 8;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    println!(
+        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of the trace. \
+         Before it, the price of tracing all rays as single ones. Error per task in %.\n",
+        options.runs
+    );
+    print!("| scene | rays | traced Mray/s | as single rays | sampled |");
+    Way::ALL.iter().for_each(|(_, name)| print!(" {name} |"));
+    println!(
+        " error scattered | error whole packets |\n|---|---|---|---|---|{}---|---|",
+        "---|".repeat(Way::ALL.len())
+    );
+    for name in &options.scenes {
+        let bench = BenchScene::open(name)?;
+        let mesh = rt_bvh::Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
+        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
+        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
+        let scene = Arc::new(built.scene);
+        let mut subject = Subject {
+            tracer: open(&options, &scene)?,
+            scene: Arc::clone(&scene),
+            is_processor: options.vulkan.is_none(),
+        };
+        for (stream, source, _) in bench.streams(&scene, options.size)? {
+            if let Some(&kind) = options.kinds.iter().find(|kind| kind.to_string().starts_with(stream)) {
+                for &fraction in &options.fractions {
+                    row(&bench.name, &mut subject, kind, &source, fraction, options.runs)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The scene on the device.
+fn open(options: &Options, scene: &Arc<Scene>) -> Result<Box<dyn Tracer>, Box<dyn Error>> {
+    let scene = Arc::clone(scene);
+    if let Some(place) = options.vulkan {
+        let found = VulkanDevice::enumerate(backend_vulkan::Options::default())?;
+        let device = found.into_iter().nth(place).ok_or_else(|| format!("there is no vulkan:{place}"))??;
+        return Ok(device.tracer(scene, now)?);
+    }
+    let devices = CpuDevice::open_all(&[1])?;
+    Ok(devices.first().ok_or("no CPU device")?.tracer(scene, now)?)
+}
+
+/// Time since the first call.
+pub(crate) fn now() -> Duration {
+    static ORIGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
+    ORIGIN.get_or_init(Instant::now).elapsed()
+}
+
+/// Measures one fraction of one stream, and prints it.
+fn row(
+    scene: &str,
+    subject: &mut Subject,
+    kind: StreamKind,
+    source: &RaySource,
+    fraction: Fraction,
+    runs: usize,
+) -> Result<(), Box<dyn Error>> {
+    let tasks = tasks_of(source.len(), TASK);
+    subject.tracer.load_rays(source.clone(), StreamSpec::default())?;
+    let exact = exact(&mut *subject.tracer, source.len())?;
+    let (mut traced, mut alone) = (Vec::with_capacity(runs), Vec::with_capacity(runs));
+    let mut prices = [const { Vec::new() }; Way::ALL.len()];
+    // The first run fills caches and is not counted.
+    for run in 0..=runs as u32 {
+        let sample = Sample::new(source, kind, &tasks, fraction, run);
+        let full = subject.trace(&tasks, None)? / f64::from(source.len());
+        for (prices, (way, _)) in prices.iter_mut().zip(Way::ALL) {
+            if let Some((seconds, rays)) = subject.run(way, &sample, source, &tasks)?
+                && run > 0
+            {
+                prices.push(seconds / rays as f64 / full);
+            }
+        }
+        if run > 0 {
+            traced.push(full);
+        }
+        if run > 0 && subject.is_processor {
+            let seconds = subject.trace_alone(source, 0..source.len(), StreamSpec::default())?;
+            alone.push(seconds / f64::from(source.len()) / full);
+        }
+    }
+    print!("| {scene} | {kind} | {:.2} |", 1e-6 / median(&traced));
+    match alone.is_empty() {
+        true => print!(" – |"),
+        false => print!(" {:.2} |", median(&alone)),
+    }
+    print!(" 1/{:.0} |", 1.0 / fraction.value());
+    for prices in prices {
+        match prices.is_empty() {
+            true => print!(" – |"),
+            false => print!(" {:.2} ({:.1}) |", median(&prices), 100.0 * median(&prices) * fraction.value()),
+        }
+    }
+    let samples: Vec<Sample> = (0..SEEDS).map(|seed| Sample::new(source, kind, &tasks, fraction, seed)).collect();
+    let error = |rays: fn(&Sample) -> &[u32]| {
+        let errors: Vec<f64> = samples.iter().filter_map(|sample| error(&exact, &tasks, rays(sample))).collect();
+        100.0 * errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    println!(" {:.1} | {:.1} |", error(|sample| &sample.scattered), error(|sample| &sample.packets));
+    Ok(())
+}
+
+/// Tests of every ray of the loaded stream.
+fn exact(tracer: &mut dyn Tracer, rays: u32) -> Result<Vec<u32>, Box<dyn Error>> {
+    let every: Vec<u32> = (0..rays).collect();
+    let mut counts = vec![TestCounts::default(); every.len()];
+    tracer.walk(&every, Walk::Full, &mut counts, None::<&mut [Hit]>)?;
+    Ok(counts.iter().map(|counts| counts.boxes + counts.triangles).collect())
+}
+
+/// Mean relative error per task of a sample's mean tests against all rays' mean tests.
+fn error(exact: &[u32], tasks: &[Task], sample: &[u32]) -> Option<f64> {
+    let of = |task: &Task| &exact[task.first as usize..(task.first + task.rays) as usize];
+    let truth: Vec<f64> = tasks.iter().map(|task| of(task).iter().map(|&t| f64::from(t)).sum()).collect();
+    let estimate: Vec<f64> = tasks
+        .iter()
+        .map(|task| {
+            let begin = sample.partition_point(|&ray| ray < task.first);
+            let own = sample[begin..].iter().take_while(|&&ray| ray < task.first + task.rays);
+            let (sum, n) = own.fold((0.0, 0.0), |(sum, n), &ray| (sum + f64::from(exact[ray as usize]), n + 1.0));
+            sum / n * f64::from(task.rays)
+        })
+        .collect();
+    EstimateErrors::new(&estimate, &truth).map(|errors| errors.mean_relative)
+}
