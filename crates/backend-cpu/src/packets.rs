@@ -53,7 +53,7 @@ impl Kernels {
             // Measured in words of SSE2: packets make camera rays faster, and incoherent ones a little slower.
             (Self::Portable, RaySource::Camera(_)) => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
             (Self::Portable, RaySource::Explicit { .. } | RaySource::Bounce(_)) => {
-                walk_alone(scene, stack, walk, rays, sink)
+                walk_alone(scene, stack, walk, rays, sink);
             }
         }
     }
