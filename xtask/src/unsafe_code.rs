@@ -6,8 +6,9 @@ use anyhow::{Result, bail};
 
 /// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, both GPU backends with
 /// all layouts and failures, and Embree beside them.
-const TESTS: &str = "test --target x86_64-unknown-linux-gnu -p backend-vulkan -p backend-wgpu -p embree4-sys -p rt-tests \
-                     --lib --test abi --test embree --test gpu --test gpu_loss --test layouts --test peers --test rays";
+const TESTS: &str = "test --target x86_64-unknown-linux-gnu --no-fail-fast -p backend-vulkan -p backend-wgpu \
+                     -p embree4-sys -p rt-tests --lib --test abi --test embree --test gpu --test gpu_loss --test layouts \
+                     --test peers --test rays";
 
 /// Leaks that are not ours, by the library that keeps the memory.
 const SUPPRESSIONS: &str = "xtask/leaks.supp";

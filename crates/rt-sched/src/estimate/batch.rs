@@ -133,6 +133,9 @@ const WINDOW: usize = 32;
 /// tasks without this, in 91% with 4 and in 94% with 8.
 const WIDER: usize = 8;
 
+/// Random samples of a task that are too few to say how wide the neighbourhood should be count as so many.
+const LEAST_RANDOM: usize = 16;
+
 /// Fewest differences that make a variance.
 const LEAST_WINDOW: usize = 8;
 
@@ -183,7 +186,7 @@ impl Pool {
         match sampler {
             RaySampler::Strided => self.variance(own, sample, sampler, BORROWED),
             RaySampler::Random => {
-                let around = self.around(own, WINDOW.max(WIDER * sample.len()))?;
+                let around = self.around(own, WIDER * sample.len().max(LEAST_RANDOM))?;
                 Some(pooled(sample, sampler, around, BORROWED.max(sample.len() as f64)).max(around))
             }
         }
