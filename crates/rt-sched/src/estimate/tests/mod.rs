@@ -146,7 +146,7 @@ fn intervals_hold_for_slopes_and_rare_dear_rays() {
         let dear = random::below(one_in, 4, ray, 0) == 0;
         TestCounts { boxes: if dear { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
     };
-    for samples in [16.0, 128.0] {
+    for samples in [16.0, 32.0, 128.0] {
         let strided = coverage(StreamKind::Primary, samples / 1_024.0, &slope);
         assert!(strided >= 0.93, "slope, {samples}: {strided}");
         let random = coverage(StreamKind::Diffuse(0), samples / 1_024.0, &rare);
