@@ -4,6 +4,7 @@
 mod apt;
 mod command;
 mod embree;
+mod estimation;
 mod files;
 mod fuzz;
 mod nightly;
@@ -24,6 +25,9 @@ usage: cargo xtask <task>
   test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
                   single features and the no_std proof
   no-std          prove that rt-core, rt-bvh and rt-sched need no std
+  estimation [--quick]
+                  measure what docs/results/estimation.md says, into out/estimation; half an hour on two quiet cores,
+                  with --quick under three minutes after the build, which shows the form and measures nothing
   loom            try every interleaving of a few devices on the queues
   asan            AddressSanitizer over everything that has unsafe code (needs the nightly compiler)
   fuzz --minutes N
@@ -50,6 +54,8 @@ fn main() -> ExitCode {
         ["test"] => test::test(test::Extent::Everything),
         ["test", "--quick"] => test::test(test::Extent::Quick),
         ["no-std"] => no_std::prove(),
+        ["estimation"] => estimation::estimation(false),
+        ["estimation", "--quick"] => estimation::estimation(true),
         ["loom"] => unsafe_code::loom(),
         ["asan"] => unsafe_code::asan(),
         ["fuzz", "--minutes", minutes] => match minutes.parse() {

@@ -7,12 +7,12 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
-use rt_balance::stats::median;
+use rt_balance::stats::{Summary, median};
 use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
 use rt_benches::BenchScene;
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_scene::streams::Spawner;
-use rt_sched::estimate::{Sampled, Uniform};
+use rt_sched::estimate::{Auto, Sampled, Uniform};
 use rt_sched::policy::{Block, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
 use std::error::Error;
@@ -31,6 +31,7 @@ enum Estimator {
     Uniform,
     Reduced,
     Exact,
+    Auto,
 }
 
 const fn row(
@@ -50,7 +51,7 @@ fn round_robin() -> Box<dyn Policy> {
     Box::new(RoundRobin)
 }
 
-const CONFIGS: [Config; 9] = [
+const CONFIGS: [Config; 10] = [
     row("static block, regular", QueueKind::Static, Some(block), Estimator::Uniform),
     row("static round robin, regular", QueueKind::Static, Some(round_robin), Estimator::Uniform),
     row("static LPT, cost-initialised", QueueKind::Static, None, Estimator::Exact),
@@ -60,7 +61,11 @@ const CONFIGS: [Config; 9] = [
     row("central, reduced traversal", QueueKind::Central, None, Estimator::Reduced),
     row("hybrid, regular", QueueKind::Hybrid, None, Estimator::Uniform),
     row("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimator::Exact),
+    row("hybrid, auto", QueueKind::Hybrid, None, Estimator::Auto),
 ];
+
+/// Position of the row that all others are compared with: what needs no estimate.
+const RIVAL: usize = 7;
 
 struct Options {
     scene: String,
@@ -89,12 +94,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     // One uncounted round fills caches and calibrates the devices.
     let mut rounds: Vec<Vec<StreamRun>> = Vec::new();
     let mut references = Vec::new();
+    // Made once: estimators learn from round to round.
+    let mut schedulings = CONFIGS.each_ref().map(|config| config.scheduling(options.fraction));
     for round in 0..=options.runs {
         let mut runs = Vec::new();
-        for config in &CONFIGS {
-            let mut scheduling = config.scheduling(options.fraction);
+        for scheduling in &mut schedulings {
             let seeded = Stream { seed: round as u32, ..stream.clone() };
-            runs.push(balancer.trace(&seeded, &mut scheduling, &mut hits, None, Control::default())?);
+            runs.push(balancer.trace(&seeded, scheduling, &mut hits, None, Control::default())?);
         }
         if round > 0 {
             references.push(balancer.reference(&stream, 1)?);
@@ -137,6 +143,7 @@ impl Config {
             Estimator::Uniform => Box::new(Uniform),
             Estimator::Reduced => Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafAsHit), fraction)),
             Estimator::Exact => Box::new(Sampled::new(Walk::Full, fraction)),
+            Estimator::Auto => Box::<Auto>::default(),
         };
         let policy = self.policy.map(|make| make());
         Scheduling { estimator, policy, queue: self.queue, ..Scheduling::default() }
@@ -157,9 +164,12 @@ fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], refer
         rounds.len()
     );
     println!(
-        "| queue | makespan s (min – max) | imbalance % | excess % | overhead % | error vs counts % | vs time % |"
+        "| queue | makespan s (min – max) | % of {} [interval] | imbalance % | excess % | overhead % | error vs counts % | vs \
+         time % |",
+        CONFIGS[RIVAL].name
     );
-    println!("|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
+    let rival: Vec<f64> = rounds.iter().map(|runs| runs[RIVAL].report.makespan_s).collect();
     for (index, config) in CONFIGS.iter().enumerate() {
         let values = |of: &dyn Fn(&StreamRun) -> Option<f64>| -> Vec<f64> {
             rounds.iter().filter_map(|runs| of(&runs[index])).collect()
@@ -167,10 +177,14 @@ fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], refer
         let percent = |of: &dyn Fn(&StreamRun) -> Option<f64>| format!("{:.2}", 100.0 * median(&values(of)));
         let makespan = values(&|run| Some(run.report.makespan_s));
         let [low, high] = [f64::min, f64::max].map(|pick| makespan.iter().copied().reduce(pick).unwrap_or(f64::NAN));
+        let ratio = Summary::of_ratios(&makespan, &rival);
         println!(
-            "| {} | {:.3} ({low:.3} – {high:.3}) | {} | {} | {} | {} | {} |",
+            "| {} | {:.3} ({low:.3} – {high:.3}) | {:.1} [{:.1} – {:.1}] | {} | {} | {} | {} | {} |",
             config.name,
             median(&makespan),
+            100.0 * ratio.median,
+            100.0 * ratio.low,
+            100.0 * ratio.high,
             percent(&|run| run.report.imbalance),
             percent(&|run| run.report.excess),
             percent(&|run| run.report.estimate.overhead),

@@ -3,7 +3,7 @@
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
 use crate::member::{Member, Outputs, all_lost};
-use crate::models::{Key, Models};
+use crate::models::{Key, Models, blind_excess};
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
@@ -133,7 +133,9 @@ impl Balancer {
         let outputs = Mutex::new(Outputs { hits, counts });
         self.members.iter_mut().for_each(Member::begin);
         self.load(stream)?;
-        let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, &outputs)?;
+        let expected = || blind_excess(&self.members, scheduling.queue, stream.tasks.len());
+        let blind = scheduling.blind_excess.unwrap_or_else(expected);
+        let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, blind, &outputs)?;
         let key = Key::of(&*scheduling.estimator, stream.kind);
         learn_walks(&mut self.members, key, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
@@ -141,7 +143,7 @@ impl Balancer {
         let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
         let end = clock::now();
 
-        teach(&mut *scheduling.estimator, stream.view(plan.lanes.len()), &estimated, &ran);
+        teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
         learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, begin, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
@@ -183,10 +185,12 @@ fn teach(estimator: &mut dyn CostEstimator, stream: RayStream<'_>, estimated: &E
     }
     let kept = estimated.kept.as_ref().map_or(0, |mask| u64::from(mask.count()));
     let traced: u64 = ran.launches.iter().map(|launch| u64::from(launch.rays)).sum();
+    let walk_s: f64 = estimated.walks.iter().map(|walk| walk.span.in_kernel.as_secs_f64()).sum();
     estimator.finish(&StreamRecord {
         stream,
         walked_rays: estimated.walked,
-        walk_s: estimated.walks.iter().map(|walk| walk.span.in_kernel.as_secs_f64()).sum(),
+        walk_s,
+        host_s: (estimated.seconds * f64::from(stream.devices) - walk_s).max(0.0),
         traced_rays: traced.saturating_sub(kept),
         trace_s: ran.launches.iter().map(|launch| launch.span.in_kernel.as_secs_f64()).sum(),
     });

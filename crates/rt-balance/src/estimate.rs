@@ -2,7 +2,7 @@
 
 use crate::member::{Member, Outputs, all_lost};
 use crate::record::WalkDone;
-use crate::{BalanceError, Stream};
+use crate::{BalanceError, Stream, clock};
 use rt_core::{CostEstimator, DeviceError, DeviceErrorKind, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -23,6 +23,10 @@ pub(crate) struct Estimated {
     /// Rays walked, over all steps.
     pub(crate) walked: u64,
     pub(crate) walks: Vec<WalkDone>,
+    /// What was expected to be lost without it.
+    pub(crate) blind_excess: f64,
+    /// Wall seconds that it took.
+    pub(crate) seconds: f64,
 }
 
 /// Runs the estimator until it is done. Hits of full walks go to `outputs`.
@@ -30,6 +34,7 @@ pub(crate) fn estimate(
     members: &mut [Member],
     stream: &Stream,
     estimator: &mut dyn CostEstimator,
+    blind_excess: f64,
     outputs: &Mutex<Outputs<'_>>,
 ) -> Result<Estimated, BalanceError> {
     let mut kept: Option<RayMask> = None;
@@ -37,11 +42,13 @@ pub(crate) fn estimate(
     let mut walked = 0;
     let (mut rays, mut counts) = (Vec::new(), Vec::new());
     let devices = members.iter().filter(|member| member.tracer.is_some()).count();
+    let begin = clock::now();
     loop {
-        match estimator.next(stream.view(devices), Observation { rays: &rays, counts: &counts }) {
+        match estimator.next(stream.view(devices, blind_excess), Observation { rays: &rays, counts: &counts }) {
             Step::Done(work) => {
                 debug_assert_eq!(work.len(), stream.tasks.len(), "one entry for each task");
-                return Ok(Estimated { work, kept: kept.map(Arc::new), walked, walks });
+                let seconds = clock::now().saturating_sub(begin).as_secs_f64();
+                return Ok(Estimated { work, kept: kept.map(Arc::new), walked, walks, blind_excess, seconds });
             }
             Step::Sample { rays: wanted, walk } => {
                 let mut hits = vec![Hit::MISS; if walk == Walk::Full { wanted.len() } else { 0 }];

@@ -40,6 +40,7 @@ mod models;
 mod plan;
 mod record;
 mod reference;
+pub mod replay;
 pub mod report;
 mod run;
 pub mod stats;

@@ -67,6 +67,7 @@ pub(crate) fn measure(
             estimator: scheduling.estimator.name().to_owned(),
             chosen: scheduling.estimator.chosen().to_owned(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
+            blind_excess: estimated.blind_excess,
             seconds: estimate_s,
             overhead: metrics::overhead(estimate_s, makespan_s),
             mre_counts: None,

@@ -1,8 +1,10 @@
 //! What was learned about each device's speed.
 
+use crate::QueueKind;
 use crate::member::Member;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
+use rt_sched::blind;
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use std::collections::BTreeMap;
 
@@ -25,15 +27,20 @@ pub(crate) struct Key {
 }
 
 impl Key {
-    /// The key of a stream; `None` when the estimator does not count tests.
-    pub(crate) fn of(estimator: &dyn CostEstimator, kind: StreamKind) -> Option<Self> {
+    /// The key of a stream.
+    fn new(estimator: &dyn CostEstimator, kind: StreamKind) -> Self {
         let class = match kind {
             StreamKind::Primary => 0,
             StreamKind::Shadow(_) => 1,
             StreamKind::Diffuse(_) => 2,
             _ => 3,
         };
-        estimator.counts_tests().then(|| Self { estimator: estimator.name(), class })
+        Self { estimator: estimator.name(), class }
+    }
+
+    /// The key of a stream after its estimate; `None` when that does not count tests.
+    pub(crate) fn of(estimator: &dyn CostEstimator, kind: StreamKind) -> Option<Self> {
+        estimator.counts_tests().then(|| Self::new(estimator, kind))
     }
 }
 
@@ -44,6 +51,8 @@ impl Models {
             rays: walk.rays.into(),
             boxes: walk.boxes as f64,
             triangles: walk.triangles as f64,
+            // Samples are not neighbours.
+            divergence: 0.0,
             seconds: walk.span.duration().as_secs_f64(),
         });
     }
@@ -96,6 +105,37 @@ pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, 
     let launches = of(|models| &models.launches).and_then(|calibrations| fitted(&calibrations, work));
     let walks = || of(|models| &models.walks).and_then(|calibrations| fitted(&calibrations, work));
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+}
+
+/// What a stream is expected to lose without an estimate, as a share of its makespan: all of it, where the devices are
+/// not known to be equally fast.
+pub(crate) fn blind_excess(members: &[Member], queue: QueueKind, tasks: usize) -> f64 {
+    let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].tracer.is_some()).collect();
+    if lanes.len() > 1 && !are_alike(members, &lanes) {
+        return 1.0;
+    }
+    match queue {
+        QueueKind::Static => blind::fixed_excess(tasks, lanes.len()),
+        QueueKind::Central => blind::central_excess(tasks, lanes.len()),
+        QueueKind::Hybrid => blind::hybrid_excess(tasks, lanes.len()),
+    }
+}
+
+/// Whether the devices were found equally fast by what all of them have measured most of, launches before walks.
+fn are_alike(members: &[Member], lanes: &[usize]) -> bool {
+    // Rays of some depth. Which prices differ matters little.
+    let work = [Work::new(1.0, 50.0, 10.0)];
+    let alike = |of: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<bool> {
+        let of_all = |key: &Key| -> Option<Vec<Calibration>> {
+            lanes.iter().map(|&lane| of(&members[lane].models).get(key).copied()).collect()
+        };
+        let weight = |all: &[Calibration]| all.iter().map(Calibration::weight).fold(f64::INFINITY, f64::min);
+        let measured = of(&members[*lanes.first()?].models).keys().filter_map(of_all);
+        let most = measured.max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
+        let models = fitted(&most, &work)?;
+        Some(models.iter().all(|model| *model == models[0]))
+    };
+    alike(|models| &models.launches).or_else(|| alike(|models| &models.walks)).unwrap_or(false)
 }
 
 /// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.

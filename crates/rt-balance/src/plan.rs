@@ -57,8 +57,7 @@ fn left_of(stream: &Stream, estimated: &Estimated) -> Vec<Work> {
     let Some(mask) = &estimated.kept else { return estimated.work.clone() };
     let left = |(task, work): (&rt_core::Task, &Work)| {
         let kept = mask.count_in(task.range()) as f32;
-        let share = 1.0 - kept / (task.rays.max(1) as f32);
-        Work::new(work.rays() * share, work.boxes() * share, work.triangles() * share)
+        work.part(1.0 - kept / (task.rays.max(1) as f32))
     };
     stream.tasks.iter().zip(&estimated.work).map(left).collect()
 }

@@ -42,6 +42,9 @@ pub struct EstimateReport {
     pub chosen: String,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
+    /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can gain. 1
+    /// before the devices are known to be equally fast.
+    pub blind_excess: f64,
     /// Wall seconds of estimating and planning.
     pub seconds: f64,
     /// `seconds / (makespan − seconds)`: the share of the trace that estimation adds, without a unit.
@@ -90,9 +93,11 @@ pub struct ModelReport {
     pub per_box_s: f64,
     /// Seconds per triangle test.
     pub per_triangle_s: f64,
+    /// Seconds per box test by which rays that follow each other differ.
+    pub per_divergence_s: f64,
     /// Root mean square of the relative errors of what was measured, without a unit: what the prices leave unexplained.
     pub residual: f64,
-    /// How many prices were told apart: 4, 2 (launches; rays and tests), or 1.
+    /// How many prices were told apart: 5, 4 (divergence is free), 2 (launches; rays and tests), or 1.
     pub prices: u32,
 }
 
@@ -103,6 +108,7 @@ impl From<Fit> for ModelReport {
             per_ray_s: fit.model.per_ray(),
             per_box_s: fit.model.per_box(),
             per_triangle_s: fit.model.per_triangle(),
+            per_divergence_s: fit.model.per_divergence(),
             residual: fit.relative_error,
             prices: fit.prices,
         }

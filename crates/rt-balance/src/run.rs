@@ -8,9 +8,9 @@ use rt_core::{DeviceError, DeviceErrorKind, Launch, Task, TaskId, TaskOutcome, T
 use rt_sched::queue::{Pop, TaskQueue};
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Condvar, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Longest sleep of a device that waits for others; the bell wakes it sooner, this only bounds a missed ring.
 const NAP: Duration = Duration::from_millis(5);
@@ -29,8 +29,14 @@ struct Shared<'a, 'o> {
     control: Control<'a>,
     limit: Duration,
     bell: Bell,
+    /// Lanes that have taken their first launch.
+    begun: AtomicUsize,
     rays_done: AtomicU64,
 }
+
+/// Longest wait of a device for the others to take their first launch: threads start within some 100 µs, and one that does
+/// not must not hold up the rest.
+const START: Duration = Duration::from_millis(1);
 
 /// Wakes devices that wait for work when something changed.
 #[derive(Default)]
@@ -65,7 +71,16 @@ pub(crate) fn run(
     control: Control<'_>,
     limit: Duration,
 ) -> Result<Ran, BalanceError> {
-    let shared = Shared { stream, plan, outputs, control, limit, bell: Bell::default(), rays_done: AtomicU64::new(0) };
+    let shared = Shared {
+        stream,
+        plan,
+        outputs,
+        control,
+        limit,
+        bell: Bell::default(),
+        begun: AtomicUsize::new(0),
+        rays_done: AtomicU64::new(0),
+    };
     let mut ran = Ran::default();
     std::thread::scope(|scope| {
         let shared = &shared;
@@ -129,6 +144,7 @@ impl Lane<'_, '_> {
         launches: &mut Vec<LaunchDone>,
     ) -> Result<(), DeviceError> {
         let queue: &dyn TaskQueue = &*self.shared.plan.queue;
+        let mut begun = false;
         loop {
             let heard = self.shared.bell.rings();
             let mut last = Pop::Done;
@@ -143,6 +159,13 @@ impl Lane<'_, '_> {
                 // In flight before the error is looked at, so that a failed submit's tasks are given back too.
                 self.in_flight.push_back((ticket.as_ref().map_or(Ticket(u64::MAX), |t| *t), tasks));
                 ticket?;
+                if !std::mem::replace(&mut begun, true) {
+                    self.begin();
+                    self.others_begin();
+                }
+            }
+            if !std::mem::replace(&mut begun, true) {
+                self.begin();
             }
             let Some((ticket, _)) = self.in_flight.front() else {
                 if last == Pop::Wait && !self.shared.control.is_cancelled() {
@@ -158,6 +181,21 @@ impl Lane<'_, '_> {
                 queue.finish(self.lane, &tasks);
                 self.shared.bell.ring();
             }
+        }
+    }
+
+    /// Says that this device has its first launch, or that there is none for it.
+    fn begin(&self) {
+        self.shared.begun.fetch_add(1, Ordering::AcqRel);
+    }
+
+    /// Lets every device take its first launch before any takes its second: queues hand out the dearest tasks first, and two
+    /// of them on one device could be the makespan.
+    fn others_begin(&self) {
+        let Shared { begun, plan, .. } = self.shared;
+        let start = Instant::now();
+        while begun.load(Ordering::Acquire) < plan.lanes.len() && start.elapsed() < START {
+            std::thread::yield_now();
         }
     }
 

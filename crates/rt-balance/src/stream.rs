@@ -45,12 +45,13 @@ impl Stream {
         self
     }
 
-    /// The estimator's view of the stream, when `devices` devices trace it.
+    /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose `blind_excess`
+    /// without an estimate.
     #[must_use]
-    pub fn view(&self, devices: usize) -> RayStream<'_> {
+    pub fn view(&self, devices: usize, blind_excess: f64) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
         let (source, seed, part) = (Some(&self.source), self.seed, self.wave);
-        RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices }
+        RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices, blind_excess }
     }
 
     /// Checks that the tasks cover the rays.
@@ -99,6 +100,9 @@ pub struct Scheduling {
     pub policy: Option<Box<dyn Policy>>,
     /// Hands tasks out.
     pub queue: QueueKind,
+    /// What a stream loses without an estimate, as a share of its makespan, for estimators that ask whether they pay;
+    /// `None`: as expected from queue, tasks and devices ([`rt_sched::blind`]). With 1 an estimate always pays.
+    pub blind_excess: Option<f64>,
     /// Longest time to wait for one launch before its device counts as hung.
     pub limit: Duration,
 }
@@ -110,6 +114,7 @@ impl Default for Scheduling {
             estimator: Box::<Auto>::default(),
             policy: None,
             queue: QueueKind::Hybrid,
+            blind_excess: None,
             limit: Duration::from_secs(600),
         }
     }

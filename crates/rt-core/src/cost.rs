@@ -4,12 +4,14 @@ use crate::{RaySource, Task, TaskId, TestCounts, Walk};
 use alloc::vec::Vec;
 use core::fmt::{self, Debug};
 
-/// Expected work of one task on one tree layout: how many rays, box tests and triangle tests. Always finite and ≥ 0.
+/// Expected work of one task on one tree layout: how many rays, box tests and triangle tests, and how unlike
+/// neighbouring rays are. Always finite and ≥ 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Work {
     rays: f32,
     boxes: f32,
     triangles: f32,
+    divergence: f32,
     std_error: f32,
 }
 
@@ -22,8 +24,15 @@ impl Work {
     /// Values that are negative or not finite are clamped to `0 ..= f32::MAX` (NaN to 0), so scheduling never fails.
     #[must_use]
     pub fn new(rays: f32, boxes: f32, triangles: f32) -> Self {
-        let clamp = |x: f32| if x > 0.0 { x.min(f32::MAX) } else { 0.0 };
-        Self { rays: clamp(rays), boxes: clamp(boxes), triangles: clamp(triangles), std_error: UNKNOWN }
+        let [rays, boxes, triangles] = [rays, boxes, triangles].map(clamped);
+        Self { rays, boxes, triangles, divergence: 0.0, std_error: UNKNOWN }
+    }
+
+    /// The same work with the divergence of its rays, in box tests; clamped as in [`Work::new`].
+    #[must_use]
+    pub fn with_divergence(mut self, divergence: f32) -> Self {
+        self.divergence = clamped(divergence);
+        self
     }
 
     /// The same work with the standard error of its number of tests (boxes + triangles), in tests. Anything but a number
@@ -52,6 +61,21 @@ impl Work {
         self.triangles
     }
 
+    /// By how much the box tests of rays that follow each other differ, summed over the rays, in box tests.
+    ///
+    /// Two tasks of equal counts take different times: rays that go other ways than the one before them find little of
+    /// what they need in caches, and branch predictors err. This is a measure of it that exact counts give for nothing.
+    #[must_use]
+    pub const fn divergence(&self) -> f32 {
+        self.divergence
+    }
+
+    /// What has a price of its own in a [`CostModel`]: rays, box tests, triangle tests, divergence.
+    #[must_use]
+    pub fn parts(&self) -> [f64; 4] {
+        [self.rays, self.boxes, self.triangles, self.divergence].map(f64::from)
+    }
+
     /// Box and triangle tests together: the count that estimation errors are measured in.
     #[must_use]
     pub fn tests(&self) -> f32 {
@@ -68,37 +92,62 @@ impl Work {
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         Self::new(self.rays + other.rays, self.boxes + other.boxes, self.triangles + other.triangles)
+            .with_divergence(self.divergence + other.divergence)
     }
 
-    /// Tests (not rays) multiplied by `factor`; the standard error scales along.
+    /// Tests and divergence (not rays) multiplied by `factor`; the standard error scales along.
     #[must_use]
     pub fn scaled(&self, factor: f32) -> Self {
-        let scaled = Self::new(self.rays, self.boxes * factor, self.triangles * factor);
-        scaled.with_std_error(self.std_error * factor)
+        Self::new(self.rays, self.boxes * factor, self.triangles * factor)
+            .with_divergence(self.divergence * factor)
+            .with_std_error(self.std_error * factor)
+    }
+
+    /// A `share` of the work, from 0 to 1, its rays too; the standard error is unknown.
+    #[must_use]
+    pub fn part(&self, share: f32) -> Self {
+        Self::new(self.rays * share, self.boxes * share, self.triangles * share)
+            .with_divergence(self.divergence * share)
     }
 }
 
+/// Work is never negative, infinite or undefined.
+fn clamped(x: f32) -> f32 {
+    if x > 0.0 { x.min(f32::MAX) } else { 0.0 }
+}
+
 /// One device's seconds for work on one tree layout: `per_launch + per_ray · rays + per_box · boxes + per_triangle ·
-/// triangles`. Every part is finite and ≥ 0, and one ray with one box test costs more than nothing.
+/// triangles + per_divergence · divergence`. Every part is finite and ≥ 0, and one ray with one box test costs more than
+/// nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CostModel {
     per_launch: f64,
     per_ray: f64,
     per_box: f64,
     per_triangle: f64,
+    per_divergence: f64,
 }
 
 impl CostModel {
     /// A device that needs one nanosecond for every ray, box test and triangle test, and none for a launch: what is
     /// assumed of every device before any launch was measured.
-    pub const UNIT: Self = Self { per_launch: 0.0, per_ray: 1e-9, per_box: 1e-9, per_triangle: 1e-9 };
+    pub const UNIT: Self =
+        Self { per_launch: 0.0, per_ray: 1e-9, per_box: 1e-9, per_triangle: 1e-9, per_divergence: 0.0 };
 
-    /// Seconds per launch, ray, box test and triangle test; `None` unless all are finite and ≥ 0 and `per_ray +
-    /// per_box > 0`.
+    /// Seconds per launch, ray, box test and triangle test, divergence being free; `None` unless all are finite and ≥ 0
+    /// and `per_ray + per_box > 0`.
     #[must_use]
     pub fn new(per_launch: f64, per_ray: f64, per_box: f64, per_triangle: f64) -> Option<Self> {
         let valid = [per_launch, per_ray, per_box, per_triangle].iter().all(|x| x.is_finite() && *x >= 0.0);
-        (valid && per_ray + per_box > 0.0).then_some(Self { per_launch, per_ray, per_box, per_triangle })
+        let model = Self { per_launch, per_ray, per_box, per_triangle, per_divergence: 0.0 };
+        (valid && per_ray + per_box > 0.0).then_some(model)
+    }
+
+    /// The same model with a price of divergence, in seconds per box test of it; `None` unless it is finite and ≥ 0.
+    #[must_use]
+    pub fn with_divergence(mut self, per_divergence: f64) -> Option<Self> {
+        self.per_divergence = per_divergence;
+        (per_divergence.is_finite() && per_divergence >= 0.0).then_some(self)
     }
 
     /// Seconds that a launch costs before its first ray.
@@ -125,12 +174,22 @@ impl CostModel {
         self.per_triangle
     }
 
+    /// Seconds per box test of [`Work::divergence`].
+    #[must_use]
+    pub const fn per_divergence(&self) -> f64 {
+        self.per_divergence
+    }
+
+    /// The price of each of [`Work::parts`], in seconds.
+    #[must_use]
+    pub const fn per_part(&self) -> [f64; 4] {
+        [self.per_ray, self.per_box, self.per_triangle, self.per_divergence]
+    }
+
     /// Expected seconds of `work`, without the launch.
     #[must_use]
     pub fn seconds(&self, work: &Work) -> f64 {
-        self.per_ray * f64::from(work.rays)
-            + self.per_box * f64::from(work.boxes)
-            + self.per_triangle * f64::from(work.triangles)
+        self.per_part().iter().zip(work.parts()).map(|(price, part)| price * part).sum()
     }
 }
 
@@ -189,6 +248,9 @@ pub struct RayStream<'a> {
     pub source: Option<&'a RaySource>,
     /// Number of devices that will trace the stream: what an exact estimate is worth depends on it.
     pub devices: u32,
+    /// What the makespan is expected to lose when nothing is estimated, as a share of it; 1 where devices may differ.
+    /// An estimate that costs more does not pay.
+    pub blind_excess: f64,
 }
 
 impl RayStream<'_> {
@@ -258,6 +320,9 @@ pub struct StreamRecord<'a> {
     pub walked_rays: u64,
     /// Device seconds of those walks, over all devices.
     pub walk_s: f64,
+    /// Device seconds that passed beside the walks while the estimate was made, over all devices: the host chose
+    /// samples, handed them over and read them.
+    pub host_s: f64,
     /// Rays traced in launches, those with kept hits left out.
     pub traced_rays: u64,
     /// Device seconds of those launches, over all devices.
@@ -270,6 +335,13 @@ impl StreamRecord<'_> {
     pub fn walk_price(&self) -> Option<f64> {
         let price = (self.walk_s / self.walked_rays as f64) / (self.trace_s / self.traced_rays as f64);
         (price.is_finite() && price > 0.0).then_some(price)
+    }
+
+    /// What the host's part of the estimate cost, as a share of the trace; `None` unless the trace was measured.
+    #[must_use]
+    pub fn host_share(&self) -> Option<f64> {
+        let share = self.host_s / self.trace_s;
+        (share.is_finite() && share >= 0.0).then_some(share)
     }
 }
 
@@ -326,5 +398,11 @@ mod tests {
         assert!(CostModel::new(-1.0, 1.0, 1.0, 1.0).is_none());
         let model = CostModel::new(1.0, 2.0, 3.0, 4.0).expect("valid");
         assert_eq!(model.seconds(&Work::new(1.0, 10.0, 100.0)), 432.0);
+        assert_eq!(model.with_divergence(f64::NAN), None);
+        let model = model.with_divergence(5.0).expect("valid");
+        let work = Work::new(1.0, 10.0, 100.0).with_divergence(1000.0);
+        assert_eq!(model.seconds(&work), 5432.0);
+        assert_eq!(model.seconds(&work.part(0.5)), 2716.0);
+        assert_eq!(model.seconds(&work.plus(&work)), 10_864.0);
     }
 }

@@ -3,24 +3,30 @@
 use alloc::vec::Vec;
 use rt_core::{CostModel, Work};
 
-/// Learns one device's seconds per launch, ray, box test and triangle test from measured launches.
+/// Learns one device's seconds per launch, ray, box test and triangle test, and of divergence, from measured launches.
 ///
 /// Non-negative least squares of relative errors (C. Lawson and R. Hanson, *Solving Least Squares Problems*, 1974, with
-/// their active set found by trying all sets: there are 15). Observations are kept as sums only, so learning is cheap
+/// their active set found by trying all sets: there are 31). Observations are kept as sums only, so learning is cheap
 /// and never ends; older ones fade.
 ///
-/// Few or similar launches cannot tell four prices apart. Then fewer are fitted: a price per launch and one for every
-/// ray and test, then only the latter.
+/// Few or similar launches cannot tell five prices apart. Then fewer are fitted: divergence is free; then there is a price
+/// per launch and one for every ray and test, then only the latter.
 #[derive(Clone, Copy, Debug)]
 pub struct Calibration {
-    /// `Σ w · xᵢ · xⱼ` with `w = 1 / seconds²` and `x` = launches, rays, boxes, triangles.
-    matrix: [[f64; 4]; 4],
+    /// `Σ w · xᵢ · xⱼ` with `w = 1 / seconds²` and `x` = launches, rays, boxes, triangles, divergence.
+    matrix: [Row; PRICES],
     /// `Σ w · xᵢ · seconds`.
-    right: [f64; 4],
+    right: Row,
     /// Number of observations, older ones counting less.
     weight: f64,
     keep: f64,
 }
+
+/// Prices of a cost model: of a launch, a ray, a box test, a triangle test, and divergence.
+const PRICES: usize = 5;
+
+/// One number for each price.
+type Row = [f64; PRICES];
 
 /// What one or more launches of a device had to do, and how long that took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,6 +39,8 @@ pub struct Measured {
     pub boxes: f64,
     /// Number of triangle tests, estimated or exact.
     pub triangles: f64,
+    /// Divergence of the rays, in box tests: see [`Work::divergence`].
+    pub divergence: f64,
     /// Seconds.
     pub seconds: f64,
 }
@@ -41,8 +49,8 @@ impl Measured {
     /// Estimated work that took `seconds`, the launch left out.
     #[must_use]
     pub fn of(work: &Work, seconds: f64) -> Self {
-        let [rays, boxes, triangles] = [work.rays(), work.boxes(), work.triangles()].map(f64::from);
-        Self { launches: 0.0, rays, boxes, triangles, seconds }
+        let [rays, boxes, triangles, divergence] = work.parts();
+        Self { launches: 0.0, rays, boxes, triangles, divergence, seconds }
     }
 }
 
@@ -53,13 +61,17 @@ pub struct Fit {
     pub model: CostModel,
     /// Root mean square of the relative errors of the observations, without a unit.
     pub relative_error: f64,
-    /// How many prices were told apart: 4 when each has its own, 2 for launches and everything else, 1 for one price.
+    /// How many prices were told apart: 5 when each has its own, 4 where divergence is free, 2 for launches and everything
+    /// else, 1 for one price.
     pub prices: u32,
 }
 
-/// Observations that are needed before each price is fitted on its own: twice as many as prices, so that noise is
+/// One price for every ray and test.
+const ONE_PRICE: Row = [0.0, 1.0, 1.0, 1.0, 0.0];
+
+/// Observations that are needed for each price that is fitted on its own, so that noise is
 /// averaged over at least two each.
-const ENOUGH: f64 = 8.0;
+const ENOUGH: f64 = 2.0;
 
 /// Share of its diagonal that a pivot must keep in elimination. Below it the launches are collinear to within the
 /// noise of timers, about 0.1%, squared.
@@ -82,21 +94,21 @@ impl Calibration {
     #[must_use]
     pub fn new(memory: f64) -> Self {
         let memory = if memory >= 1.0 { memory } else { 1.0 };
-        Self { matrix: [[0.0; 4]; 4], right: [0.0; 4], weight: 0.0, keep: libm::exp(-1.0 / memory) }
+        Self { matrix: [[0.0; PRICES]; PRICES], right: [0.0; PRICES], weight: 0.0, keep: libm::exp(-1.0 / memory) }
     }
 
     /// Adds an observation. One that is not finite, has negative parts or took no time is ignored.
     pub fn observe(&mut self, measured: Measured) {
-        let Measured { launches, rays, boxes, triangles, seconds } = measured;
-        let x = [launches, rays, boxes, triangles];
+        let Measured { launches, rays, boxes, triangles, divergence, seconds } = measured;
+        let x = [launches, rays, boxes, triangles, divergence];
         // 1e-12 s is below the resolution of any clock, and its square still a normal number.
         if !(seconds.is_finite() && seconds > 1e-12 && x.iter().all(|x| x.is_finite() && (0.0..1e30).contains(x))) {
             return;
         }
         // Relative errors: everything divided by the seconds.
         let x = x.map(|x| x / seconds);
-        for i in 0..4 {
-            for j in 0..4 {
+        for i in 0..PRICES {
+            for j in 0..PRICES {
                 self.matrix[i][j] = self.matrix[i][j] * self.keep + x[i] * x[j];
             }
             self.right[i] = self.right[i] * self.keep + x[i];
@@ -108,8 +120,8 @@ impl Calibration {
     #[must_use]
     pub fn pooled(&self, other: &Self) -> Self {
         let mut pooled = *self;
-        for i in 0..4 {
-            for j in 0..4 {
+        for i in 0..PRICES {
+            for j in 0..PRICES {
                 pooled.matrix[i][j] += other.matrix[i][j];
             }
             pooled.right[i] += other.right[i];
@@ -127,56 +139,62 @@ impl Calibration {
     /// The model that fits best; `None` before the first useful observation.
     #[must_use]
     pub fn fit(&self) -> Option<Fit> {
-        // Columns of what is priced together: launches, rays, boxes, triangles.
-        const SEPARATE: &[[f64; 4]] =
-            &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
-        const LAUNCH_AND_REST: &[[f64; 4]] = &[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0]];
-        const ONE: &[[f64; 4]] = &[[0.0, 1.0, 1.0, 1.0]];
-        let tiers = [(SEPARATE, ENOUGH), (LAUNCH_AND_REST, ENOUGH / 2.0), (ONE, 0.0)];
-        let tiers = tiers.iter().filter(|(_, needed)| self.weight >= *needed);
-        tiers.filter(|(columns, _)| self.independent(columns)).find_map(|(columns, _)| self.best(columns))
+        // Columns of what is priced together: launches, rays, boxes, triangles, divergence.
+        const SEPARATE: &[Row] = &[
+            [1.0, 0.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 0.0, 1.0],
+        ];
+        const LAUNCH_AND_REST: &[Row] = &[[1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0, 0.0]];
+        const ONE: &[Row] = &[ONE_PRICE];
+        let tiers = [SEPARATE, &SEPARATE[..4], LAUNCH_AND_REST, ONE].into_iter();
+        // One price is better than none.
+        let mut tiers = tiers.filter(|tier| tier.len() == 1 || self.weight >= ENOUGH * tier.len() as f64);
+        tiers.find_map(|columns| if self.independent(columns) { self.best(columns) } else { None })
     }
 
     /// Whether the observations can tell the prices of `columns` apart.
-    fn independent(&self, columns: &[[f64; 4]]) -> bool {
+    fn independent(&self, columns: &[Row]) -> bool {
         self.solve(columns, (1 << columns.len()) - 1, LEAST_PIVOT).is_some()
     }
 
     /// The best model among those that price some of `columns` and leave the others free of charge.
-    fn best(&self, columns: &[[f64; 4]]) -> Option<Fit> {
+    fn best(&self, columns: &[Row]) -> Option<Fit> {
         let sets = 1..1_u32 << columns.len();
         let fits = sets.filter_map(|set| {
-            let [launch, mut ray, boxed, triangle] = self.solve(columns, set, 0.0)?;
+            let [launch, mut ray, boxed, triangle, divergence] = self.solve(columns, set, 0.0)?;
             if ray + boxed == 0.0 {
                 // A valid model prices rays; a femtosecond is nothing.
                 ray = 1e-15;
             }
             // Refuses negative prices.
-            let model = CostModel::new(launch, ray, boxed, triangle)?;
-            let error = self.mean_square([launch, ray, boxed, triangle]);
+            let model = CostModel::new(launch, ray, boxed, triangle)?.with_divergence(divergence)?;
+            let error = self.mean_square([launch, ray, boxed, triangle, divergence]);
             Some(Fit { model, relative_error: libm::sqrt(error), prices: columns.len() as u32 })
         });
         fits.min_by(|a, b| a.relative_error.total_cmp(&b.relative_error))
     }
 
     /// Mean of the squared relative errors of the given prices: `Σ w (s − x·p)² / Σ 1`.
-    fn mean_square(&self, prices: [f64; 4]) -> f64 {
+    fn mean_square(&self, prices: Row) -> f64 {
         let mut error = self.weight;
-        for i in 0..4 {
+        for i in 0..PRICES {
             error -= 2.0 * prices[i] * self.right[i];
-            for j in 0..4 {
+            for j in 0..PRICES {
                 error += prices[i] * self.matrix[i][j] * prices[j];
             }
         }
         (error / self.weight).max(0.0)
     }
 
-    /// Least squares over the columns in `set`: all four prices, or `None` if a pivot falls below `least_pivot` times
+    /// Least squares over the columns in `set`: all prices, or `None` if a pivot falls below `least_pivot` times
     /// its diagonal. Prices may be negative. Cholesky's decomposition of the normal equations.
-    fn solve(&self, columns: &[[f64; 4]], set: u32, least_pivot: f64) -> Option<[f64; 4]> {
-        let mut a = [[0.0; 4]; 4];
-        let mut b = [0.0; 4];
-        let mut chosen = [[0.0; 4]; 4];
+    fn solve(&self, columns: &[Row], set: u32, least_pivot: f64) -> Option<Row> {
+        let mut a = [[0.0; PRICES]; PRICES];
+        let mut b = [0.0; PRICES];
+        let mut chosen = [[0.0; PRICES]; PRICES];
         let mut n = 0;
         for (_, column) in columns.iter().enumerate().filter(|(c, _)| set >> c & 1 == 1) {
             chosen[n] = *column;
@@ -188,7 +206,7 @@ impl Calibration {
                 a[i][j] = dot(&chosen[i], &core::array::from_fn(|k| dot(&self.matrix[k], &chosen[j])));
             }
         }
-        let diagonal: [f64; 4] = core::array::from_fn(|i| a[i][i]);
+        let diagonal: Row = core::array::from_fn(|i| a[i][i]);
         for i in 0..n {
             a[i][i] += RIDGE * diagonal[i];
         }
@@ -236,7 +254,7 @@ pub fn cross_predicted(work: &[Work], seconds: &[f64]) -> Vec<f64> {
     work.iter().enumerate().map(predict).collect()
 }
 
-fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
+fn dot(a: &Row, b: &Row) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
@@ -246,7 +264,7 @@ mod tests {
     use proptest::prelude::*;
     use rt_core::random;
 
-    const TRUE: [f64; 4] = [2e-5, 3e-9, 1e-9, 2.5e-9];
+    const TRUE: Row = [2e-5, 3e-9, 1e-9, 2.5e-9, 4e-9];
 
     /// Launch `i` of a device with the prices `TRUE`, whose clock is off by up to `noise`.
     fn launch(i: u32, noise: f64) -> Measured {
@@ -254,8 +272,10 @@ mod tests {
         let [c, d] = random::pair(5, i, 1).map(f64::from);
         let rays = 1_000.0 + 50_000.0 * a;
         let (boxes, triangles) = (rays * (10.0 + 60.0 * b), rays * (2.0 + 10.0 * c));
-        let seconds = TRUE[0] + TRUE[1] * rays + TRUE[2] * boxes + TRUE[3] * triangles;
-        Measured { launches: 1.0, rays, boxes, triangles, seconds: seconds * (1.0 + noise * (2.0 * d - 1.0)) }
+        let divergence = rays * 10.0 * f64::from(random::pair(5, i, 2)[0]);
+        let exact = dot(&TRUE, &[1.0, rays, boxes, triangles, divergence]);
+        let seconds = exact * (1.0 + noise * (2.0 * d - 1.0));
+        Measured { launches: 1.0, rays, boxes, triangles, divergence, seconds }
     }
 
     fn predicted(model: &CostModel, m: &Measured) -> f64 {
@@ -263,6 +283,7 @@ mod tests {
             + model.per_ray() * m.rays
             + model.per_box() * m.boxes
             + model.per_triangle() * m.triangles
+            + model.per_divergence() * m.divergence
     }
 
     #[test]
@@ -270,11 +291,12 @@ mod tests {
         let mut calibration = Calibration::default();
         (0..40).for_each(|i| calibration.observe(launch(i, 0.0)));
         let Fit { model, relative_error, prices } = calibration.fit().expect("40 launches");
-        let found = [model.per_launch(), model.per_ray(), model.per_box(), model.per_triangle()];
+        let found =
+            [model.per_launch(), model.per_ray(), model.per_box(), model.per_triangle(), model.per_divergence()];
         for (found, wanted) in found.iter().zip(TRUE) {
             assert!((found / wanted - 1.0).abs() < 0.02, "{found} is not {wanted}");
         }
-        assert_eq!(prices, 4);
+        assert_eq!(prices, 5);
         assert!(relative_error < 1e-4, "{relative_error}");
     }
 
@@ -336,12 +358,27 @@ mod tests {
                 rays,
                 boxes: 40.0 * rays,
                 triangles: 5.0 * rays,
+                divergence: 8.0 * rays,
                 seconds: 1e-5 + 1e-7 * rays,
             });
         }
         let fit = calibration.fit().expect("49 launches");
         assert_eq!(fit.prices, 2);
         assert!((fit.model.per_launch() / 1e-5 - 1.0).abs() < 1e-3, "{fit:?}");
+        assert!(fit.relative_error < 1e-4, "{fit:?}");
+    }
+
+    /// Mutant: no tier without divergence, which falls back to one price for everything.
+    #[test]
+    fn prices_are_told_apart_where_divergence_is_unknown() {
+        let mut calibration = Calibration::default();
+        (0..40).for_each(|i| {
+            let m = launch(i, 0.0);
+            let seconds = m.seconds - TRUE[4] * m.divergence;
+            calibration.observe(Measured { divergence: 0.0, seconds, ..m });
+        });
+        let fit = calibration.fit().expect("40 launches");
+        assert_eq!((fit.prices, fit.model.per_divergence()), (4, 0.0));
         assert!(fit.relative_error < 1e-4, "{fit:?}");
     }
 
@@ -365,14 +402,16 @@ mod tests {
         /// by the pivot.
         #[test]
         fn fits_are_valid_and_no_worse_than_one_price(
-            launches in prop::collection::vec((0.0_f64..3.0, 0.0_f64..1e6, 0.0_f64..1e8, 0.0_f64..1e7, 1e-6_f64..10.0), 1..60),
+            launches in prop::collection::vec(
+                (0.0_f64..3.0, 0.0_f64..1e6, 0.0_f64..1e8, 0.0_f64..1e7, 0.0_f64..1e8, 1e-6_f64..10.0), 1..60
+            ),
         ) {
             let mut calibration = Calibration::new(f64::INFINITY);
-            for (launches, rays, boxes, triangles, seconds) in launches {
-                calibration.observe(Measured { launches, rays, boxes, triangles, seconds });
+            for (launches, rays, boxes, triangles, divergence, seconds) in launches {
+                calibration.observe(Measured { launches, rays, boxes, triangles, divergence, seconds });
             }
             let fit = calibration.fit().expect("rays cost something");
-            let one = calibration.best(&[[0.0, 1.0, 1.0, 1.0]]).expect("one price always fits");
+            let one = calibration.best(&[ONE_PRICE]).expect("one price always fits");
             prop_assert!(fit.relative_error <= one.relative_error * (1.0 + 1e-6));
         }
 

@@ -91,7 +91,10 @@ impl Simulation {
                 run.events.insert(Event { at: order(at_s), what: What::Failure, device });
             }
         }
-        (0..devices).for_each(|device| run.fill(device, 0.0));
+        // Every device takes its first launch before any takes its second, as the driver sees to.
+        for depth in 1..=self.in_flight.max(1) {
+            (0..devices).for_each(|device| run.fill(device, depth, 0.0));
+        }
         while let Some(event) = run.events.pop_first() {
             run.happen(event);
         }
@@ -143,23 +146,23 @@ impl Running<'_> {
                 self.result.makespan_s = self.result.makespan_s.max(launch.end_s);
                 self.result.timeline.push(launch);
                 self.await_first(device);
-                self.fill(device, now);
+                self.fill(device, self.plan.in_flight, now);
             }
             What::Failure => self.lose(device, now),
         }
         // As a driver wakes its waiting threads whenever something was finished or given up.
         for waiting in core::mem::take(&mut self.idle) {
-            self.fill(waiting, now);
+            self.fill(waiting, self.plan.in_flight, now);
         }
     }
 
-    /// Lets a device pop until enough launches are in flight.
-    fn fill(&mut self, device: usize, now: f64) {
+    /// Lets a device pop until `depth` launches are in flight, at least one.
+    fn fill(&mut self, device: usize, depth: usize, now: f64) {
         if self.devices[device].lost {
             return;
         }
         let mut now = now;
-        while self.devices[device].in_flight.len() < self.plan.in_flight.max(1) {
+        while self.devices[device].in_flight.len() < depth.max(1) {
             let mut tasks = Vec::new();
             match self.queue.pop(device, &mut tasks) {
                 Pop::Done => return,

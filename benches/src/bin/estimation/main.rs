@@ -10,6 +10,8 @@
 //!   the medians of the even and of the odd passes.
 //! * **Errors** per task after one common scale, against counts and against seconds. Seconds are predicted by prices fitted
 //!   on the other half of the tasks. Averaged over repetitions, each with a seed of its own.
+//! * **Excess** over the lower bound of a hybrid queue on m virtual devices, estimation included, replayed with task times of
+//!   passes that no price was fitted to; `uniform` is the queue that knows nothing.
 //! * **Net overhead** = (estimate + remaining trace − plain trace of all rays) / plain trace, hits of full walks kept, each
 //!   repetition right after a plain trace of its own. From the processor time of the process, so that other programs count
 //!   little; the wall's is in the JSON.
@@ -38,6 +40,7 @@ pub(crate) const LIMIT: Duration = Duration::from_secs(600);
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     let mut results = Vec::new();
+    let mut summary = Vec::new();
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     for name in &options.scenes {
         let scene = BenchScene::open(name)?;
@@ -50,9 +53,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut tracer = device.tracer(Arc::clone(&built), now)?;
             let source = rays(&scene, &options, kind, &mut *tracer)?;
             for &size in &options.task_sizes {
-                results.push(one(&scene.name, &options, &mut *tracer, kind, &source, size)?);
+                let (row, result) = one(&scene.name, &options, &mut *tracer, kind, &source, size)?;
+                summary.extend(row);
+                results.push(result);
             }
         }
+    }
+    if !summary.is_empty() {
+        println!("{}\n{}\n", table::summary_header(), summary.join("\n"));
     }
     if let Some(path) = &options.json {
         let command: Vec<String> = std::env::args().skip(1).collect();
@@ -87,7 +95,7 @@ fn rays(
     Ok(spawner.diffuse(0..hits.len() as u32).into_source().0)
 }
 
-/// One scene, kind of rays and task size.
+/// One scene, kind of rays and task size: its row of the summary, and all numbers.
 fn one(
     scene: &str,
     options: &Options,
@@ -95,7 +103,7 @@ fn one(
     kind: StreamKind,
     source: &RaySource,
     size: u32,
-) -> Result<Value, Box<dyn Error>> {
+) -> Result<(Option<String>, Value), Box<dyn Error>> {
     let tasks = tasks_of(source.len(), size);
     eprintln!("{scene}, {kind}, {} rays in tasks of {size}", source.len());
     let truth = Truth::measure(tracer, source, &tasks, options.passes)?;
@@ -113,5 +121,6 @@ fn one(
         eprintln!("repetition {repetition} of {}", options.repetitions);
     }
     table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes);
-    Ok(table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes))
+    let row = table::summary_row(scene, kind, &tasks, &truth, &cases, &outcomes);
+    Ok((row, table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes)))
 }

@@ -3,13 +3,14 @@
 use super::LIMIT;
 use super::options::Options;
 use super::truth::Truth;
+use rt_balance::replay::{Observed, Queue, Replay};
 use rt_core::{
     CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, ReducedWalk, Span, Step,
     StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
 use rt_sched::calibrate::cross_predicted;
 use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform, interval_95};
-use rt_sched::metrics::EstimateErrors;
+use rt_sched::metrics::{self, EstimateErrors};
 use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::sync::Arc;
@@ -35,8 +36,44 @@ pub(crate) struct Outcome {
     pub(crate) walk_s: f64,
     pub(crate) counts: Option<EstimateErrors>,
     pub(crate) time: Option<EstimateErrors>,
+    /// Excess over the lower bound of a hybrid queue on each of [`MACHINES`], estimation included.
+    pub(crate) excess: [f64; MACHINES.len()],
     /// Share of the tasks whose 95% interval holds their exact tests; `None` where no task has one.
     pub(crate) coverage: Option<f64>,
+}
+
+/// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
+pub(crate) const MACHINES: [(&str, &[f64]); 3] = [("3", &[1.0; 3]), ("8", &[1.0; 8]), ("1:2:4", &[1.0, 2.0, 4.0])];
+
+/// Seconds of a launch beside its tasks: about what handing one over to a thread takes.
+const LAUNCH_S: f64 = 1e-5;
+
+/// Excess of a hybrid queue on [`MACHINES`] that is started by `walked`, or knows nothing if that made no samples.
+///
+/// Prices are fitted to the even passes and to other tasks than those they predict; the virtual devices take as long as in
+/// the odd passes.
+fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len()] {
+    let [fitted, task_s] = &truth.halves;
+    let kept = |task: &Task| walked.mask.as_ref().map_or(0, |mask| mask.count_in(task.range()));
+    let left: Vec<f64> = tasks.iter().map(|task| 1.0 - f64::from(kept(task)) / f64::from(task.rays.max(1))).collect();
+    let predicted = cross_predicted(&walked.work, fitted);
+    let seen = Observed {
+        predicted_s: predicted.iter().zip(&left).map(|(seconds, left)| seconds * left).collect(),
+        left,
+        walks_s: walked.walk_s,
+        planning_s: (walked.wall_s - walked.walk_s).max(0.0),
+        launch_s: LAUNCH_S,
+    };
+    let rays: Vec<u32> = tasks.iter().map(|task| task.rays).collect();
+    MACHINES.map(|(_, speeds)| {
+        let replay = Replay { speeds, task_s, launch_s: LAUNCH_S };
+        let total = if walked.knows {
+            replay.cost_initialised(Queue::Hybrid, &seen).0
+        } else {
+            replay.regular(Queue::Hybrid, &rays)
+        };
+        metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
+    })
 }
 
 impl Outcome {
@@ -118,7 +155,7 @@ impl Case {
         let mut launch = Launch::default();
         let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
         result?;
-        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2 };
+        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;
         let (result, remaining) = timed(|| trace(tracer, tasks, walked.mask.as_ref(), &mut launch));
@@ -135,6 +172,7 @@ impl Case {
             walk_s: walked.walk_s,
             counts: EstimateErrors::new(&estimated, &truth.tests),
             time: EstimateErrors::new(&cross_predicted(&walked.work, &truth.seconds), &truth.seconds),
+            excess: excess(&walked, tasks, truth),
             coverage: coverage(&walked, tasks, &truth.tests),
         })
     }
@@ -156,6 +194,7 @@ impl Case {
             stream,
             walked_rays: walked.rays.len() as u64,
             walk_s: walked.walk_s,
+            host_s: (walked.wall_s - walked.walk_s).max(0.0),
             traced_rays: u64::from(stream.rays()) - kept,
             trace_s: span.in_kernel.as_secs_f64(),
         });
@@ -168,6 +207,10 @@ struct Walked {
     rays: Vec<u32>,
     mask: Option<Arc<RayMask>>,
     walk_s: f64,
+    /// Wall seconds of all of it.
+    wall_s: f64,
+    /// Whether tasks were told apart.
+    knows: bool,
 }
 
 fn trace(
@@ -190,9 +233,14 @@ fn walk(
     let (mut rays, mut counts, mut all) = (Vec::new(), Vec::new(), Vec::new());
     let mut kept: Option<RayMask> = None;
     let mut walk_s = 0.0;
+    let begin = Instant::now();
     loop {
         match estimator.next(stream, Observation { rays: &rays, counts: &counts }) {
-            Step::Done(work) => return Ok(Walked { work, rays: all, mask: kept.map(Arc::new), walk_s }),
+            Step::Done(work) => {
+                let wall_s = begin.elapsed().as_secs_f64();
+                let knows = estimator.counts_tests();
+                return Ok(Walked { work, rays: all, mask: kept.map(Arc::new), walk_s, wall_s, knows });
+            }
             Step::Sample { rays: asked, walk } => {
                 counts = vec![TestCounts::default(); asked.len()];
                 let full = walk == Walk::Full;

@@ -1,6 +1,6 @@
 //! The tables and the raw samples.
 
-use super::measure::{Case, Outcome, Seconds};
+use super::measure::{Case, MACHINES, Outcome, Seconds};
 use super::truth::Truth;
 use rt_balance::stats::median;
 use rt_core::{StreamKind, Task};
@@ -40,19 +40,20 @@ pub(crate) fn print(
     let of = |errors: &Option<EstimateErrors>| percent(errors.map(|e| e.mean_relative));
     println!(
         "{scene}, {kind}: {rays} rays, {} tasks of {size}; plain trace {:.3} s of processor time ({:.2} Mray/s); task time \
-         repeats to {}%; exact counts predict it to {}%, with a cache term to {}%\n",
+         repeats to {}%; exact counts predict it to {}%, with a price of divergence to {}%\n",
         tasks.len(),
         median(&plain),
         f64::from(rays) / median(&plain) / 1e6,
         of(&truth.repeatability),
         of(&truth.counts_as_time),
-        of(&truth.with_cache_term),
+        of(&truth.with_divergence),
     );
     println!(
         "| estimator | sampled % | price of a sample | net overhead % (min – max) | counts: mean % | weighted % | p95 % | \
-         bias % | time: mean % | weighted % | p95 % | bias % | in 95% interval % |"
+         bias % | time: mean % | weighted % | p95 % | bias % | in 95% interval % | excess %, m = {} |",
+        MACHINES.map(|(name, _)| name).join(" | ")
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (case, outcomes) in cases.iter().zip(outcomes) {
         let cpu = |s: &Seconds| s.cpu;
         let nets: Vec<f64> = outcomes.iter().map(|o| o.net(cpu)).collect();
@@ -65,7 +66,7 @@ pub(crate) fn print(
         let chosen = outcomes.last().map_or("", |o| o.chosen);
         let name = if case.name == "auto" { format!("auto ({chosen})") } else { case.name.clone() };
         println!(
-            "| {name} | {} | {} | {} ({} – {}) | {} | {} | {} |",
+            "| {name} | {} | {} | {} ({} – {}) | {} | {} | {} | {} |",
             percent(Some(middle(outcomes, |o| o.walked as f64) / f64::from(rays))),
             if prices.is_empty() { "–".to_owned() } else { format!("{:.2}", median(&prices)) },
             percent(Some(median(&nets))),
@@ -74,9 +75,65 @@ pub(crate) fn print(
             columns(|o| o.counts),
             columns(|o| o.time),
             percent(mean(outcomes, |o| o.coverage)),
+            [0, 1, 2].map(|machine| percent(Some(middle(outcomes, |o| o.excess[machine])))).join(" | "),
         );
     }
     println!();
+}
+
+/// Cases that the summary compares.
+const SUMMARISED: [&str; 3] = ["exact 1/64", "reduced 1/8", "auto"];
+
+/// The header of the summary, one row for each scene and kind of rays.
+pub(crate) fn summary_header() -> String {
+    let names = SUMMARISED.map(|name| format!("{name}: net % | counts % | time % | excess %, m = 3 | m = 8"));
+    let columns = 7 + 5 * SUMMARISED.len();
+    format!(
+        "| scene | rays | Mray/s | time repeats to % | counts give time to % | and divergence % | knowing nothing: excess %, \
+         m = 3, m = 8 | {} |\n|{}",
+        names.join(" | "),
+        "---|".repeat(columns)
+    )
+}
+
+/// One row of the summary; empty unless all of its cases were run.
+pub(crate) fn summary_row(
+    scene: &str,
+    kind: StreamKind,
+    tasks: &[Task],
+    truth: &Truth,
+    cases: &[Case],
+    outcomes: &[Vec<Outcome>],
+) -> Option<String> {
+    let of = |name: &str| cases.iter().position(|case| case.name == name).map(|index| &outcomes[index]);
+    let rays: u32 = tasks.iter().map(|task| task.rays).sum();
+    let plain: Vec<f64> = outcomes.iter().flatten().map(|o| o.plain.cpu).collect();
+    let error = |errors: &Option<EstimateErrors>| percent(errors.map(|e| e.mean_relative));
+    let excess = |outcomes: &[Outcome], machine: usize| percent(Some(middle(outcomes, |o| o.excess[machine])));
+    let blind = of("uniform")?;
+    let mut row = format!(
+        "| {scene} | {} | {:.2} | {} | {} | {} | {}, {}",
+        if kind.is_coherent() { "primary" } else { "diffuse" },
+        f64::from(rays) / median(&plain) / 1e6,
+        error(&truth.repeatability),
+        error(&truth.counts_as_time),
+        error(&truth.with_divergence),
+        excess(blind, 0),
+        excess(blind, 1),
+    );
+    for name in SUMMARISED {
+        let own = of(name)?;
+        let net: Vec<f64> = own.iter().map(|o| o.net(|s| s.cpu)).collect();
+        row += &format!(
+            " | {} | {} | {} | {} | {}",
+            percent(Some(median(&net))),
+            percent(mean(own, |o| o.counts.map(|e| e.mean_relative))),
+            percent(mean(own, |o| o.time.map(|e| e.mean_relative))),
+            excess(own, 0),
+            excess(own, 1),
+        );
+    }
+    Some(row + " |")
 }
 
 fn errors(errors: &Option<EstimateErrors>) -> Value {
@@ -102,7 +159,7 @@ pub(crate) fn json(
             "seed": o.seed, "chosen": o.chosen, "walked": o.walked, "plain": seconds(&o.plain),
             "estimate": seconds(&o.estimate), "remaining": seconds(&o.remaining), "walk_s": o.walk_s,
             "net_wall": o.net(|s| s.wall), "net_cpu": o.net(|s| s.cpu),
-            "errors_counts": errors(&o.counts), "errors_time": errors(&o.time), "coverage_95": o.coverage,
+            "errors_counts": errors(&o.counts), "errors_time": errors(&o.time), "coverage_95": o.coverage, "excess": o.excess,
         })
     };
     let case = |(case, outcomes): (&Case, &Vec<Outcome>)| json!({ "estimator": case.name, "repetitions": outcomes.iter().map(run).collect::<Vec<_>>() });
@@ -110,7 +167,7 @@ pub(crate) fn json(
         "scene": scene, "kind": kind.to_string(), "rays": rays, "task_size": size,
         "repeatability": errors(&truth.repeatability),
         "exact_counts_as_time": errors(&truth.counts_as_time),
-        "exact_counts_and_cache_term_as_time": errors(&truth.with_cache_term),
+        "exact_counts_and_divergence_as_time": errors(&truth.with_divergence),
         "task_seconds": truth.seconds,
         "task_tests": truth.tests,
         "cases": cases.iter().zip(outcomes).map(case).collect::<Vec<_>>(),

@@ -1,10 +1,8 @@
-//! What measuring commands share: a scene on devices, its streams, the machine, virtual devices.
+//! What measuring commands share: a scene on devices, its streams, the machine.
 
 mod machine;
-mod replay;
 
 pub(crate) use machine::Machine;
-pub(crate) use replay::{Observed, Queue, Replay};
 
 use crate::args::SceneArgs;
 use crate::interrupt;

@@ -1,8 +1,9 @@
 //! The measurements: every configuration in turn, round after round.
 
 use crate::args::EstimateArgs;
-use crate::experiment::{Observed, Queue, Replay, Subject};
+use crate::experiment::Subject;
 use anyhow::{Context, Result};
+use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::stats::Summary;
 use rt_balance::{QueueKind, Scheduling, Stream};
 use rt_sched::estimate::Uniform;
@@ -197,7 +198,9 @@ impl Plan<'_> {
     fn scheduling(&self, config: &Config) -> Result<Scheduling> {
         let estimator = if config.cost_initialised { self.estimate.estimator()? } else { Box::new(Uniform) };
         let policy = config.policy.map(Dealt::policy);
-        Ok(Scheduling { estimator, policy, queue: config.queue, ..Scheduling::default() })
+        // The question is what an estimate gives, not whether it pays.
+        let blind_excess = Some(1.0);
+        Ok(Scheduling { estimator, policy, queue: config.queue, blind_excess, ..Scheduling::default() })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Costs from as many samples as they are worth.
 
 use super::batch::{Batch, Pool, tests};
-use super::price::WalkPrices;
+use super::price::{Price, WalkPrices};
 use crate::sample::{Fraction, RaySampler};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -22,7 +22,8 @@ use rt_core::{CostEstimator, Observation, RayStream, Step, StreamRecord, TestCou
 ///   The price is measured.
 ///
 /// The sum is least for n = (√(2 ln m / m) · S / 2p)^⅔, p the tests that a sample costs on each device. With one device
-/// there is nothing to balance and the first sample is the last. A queue that steals needs less; it has no better model.
+/// there is nothing to balance and the first sample is the last. A queue that steals gains less; it has no better model, but
+/// no gain is believed beyond what the stream would lose without any estimate.
 ///
 /// Price: the walks; two to three hand-overs to the devices instead of one.
 #[derive(Clone, Debug)]
@@ -108,7 +109,7 @@ impl Open {
     }
 
     /// How many samples of each task there should be; `None` when those there are suffice.
-    fn wanted(&self, stream: RayStream<'_>, price: f64) -> Option<Vec<u32>> {
+    fn wanted(&self, stream: RayStream<'_>, price: Price) -> Option<Vec<u32>> {
         let devices = f64::from(stream.devices.max(1));
         let sampler = RaySampler::for_kind(stream.kind);
         let pool = Pool::new(&self.counts);
@@ -129,9 +130,11 @@ impl Open {
         let n = self.counts.len() as f64;
         let of_ray = self.counts.iter().map(tests).sum::<f64>() / n;
         let late = libm::sqrt(2.0 * libm::log(devices) / devices);
-        let sample_cost = (price - 1.0).max(LEAST_PRICE) * of_ray / devices;
+        let sample_cost = price.beyond() * of_ray / devices;
         let best = libm::cbrt(libm::pow(late * sum / (2.0 * sample_cost), 2.0));
-        let gain = late * (libm::sqrt(variance) - sum / libm::sqrt(best));
+        // Nobody can gain more than what a schedule without any estimate loses.
+        let most = stream.blind_excess * of_ray * f64::from(stream.rays()) / devices;
+        let gain = (late * (libm::sqrt(variance) - sum / libm::sqrt(best))).min(most);
         let cost = (best - n) * sample_cost + ROUND * of_ray;
         if best <= n || gain <= cost || gain.is_nan() {
             return None;
@@ -144,9 +147,6 @@ impl Open {
 /// How many deviations of its own a task's neighbourhood counts for when samples are allocated: few, since the question is
 /// how tasks differ.
 const BORROWED: f64 = 1.0;
-
-/// Least price of a sample beyond its ray: what handing its result back and forth takes, about 1% of a ray.
-const LEAST_PRICE: f64 = 0.01;
 
 impl CostEstimator for Adaptive {
     fn name(&self) -> &'static str {

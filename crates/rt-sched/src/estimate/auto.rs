@@ -4,6 +4,8 @@ use super::batch::{Asked, Batch};
 use super::field::{Fields, blocks};
 use super::history::History;
 use super::price::WalkPrices;
+use super::uniform;
+use crate::calibrate::cross_predicted;
 use crate::metrics::EstimateErrors;
 use crate::sample::Fraction;
 use alloc::vec::Vec;
@@ -11,15 +13,19 @@ use rt_core::{
     CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, TaskId, Walk, Work,
 };
 
-/// Picks for each stream what has predicted such streams best so far, within a budget. The default.
+/// Picks for each stream what has predicted such streams best so far, within a budget, or nothing where nothing pays. The
+/// default.
 ///
-/// * How much to sample follows from the budget and the measured price of a walked ray: at `price` times a traced one,
-///   whose hit is kept, the fraction f costs (price − 1) · f of the trace.
-/// * One sample serves two estimates: each task's own samples scaled up ([`super::Sampled`]) and the map of costs
-///   ([`super::Field`]). From the second stream of a kind there is a third, the measured past ([`super::History`]).
-/// * After a stream each of them, used or not, is compared with the measured seconds of its tasks, device by device. The
-///   one with the least mean error, over the streams of its kind with later ones counting more, makes the next estimate.
-///   Once the past does, nothing is sampled, except in every eighth stream, to see whether that is still right.
+/// * What an estimate may cost is the budget, or half of what the stream is expected to lose without one
+///   ([`RayStream::blind_excess`]), whichever is less. At the measured price of a walked ray, `price` times a traced one
+///   whose hit is kept, the fraction f costs (price − 1) · f of the trace, beside what the host does.
+/// * Where that allows no more than a few samples a task, none are made and every ray counts the same
+///   ([`super::Uniform`]): many small tasks on few equal devices, where a queue that steals has little to lose.
+/// * Otherwise each task's own samples are scaled up ([`super::Sampled`]), or make a map of costs ([`super::Field`]). From
+///   the second stream of a kind there is also the measured past ([`super::History`]), for nothing.
+/// * In the second stream of a kind, and in every eighth after it, all of them are made and, used or not, compared with the
+///   measured seconds of its tasks, device by device. The one with the least mean error, over those streams with later
+///   ones counting more, makes the next estimates.
 /// * Before anything was measured, the map where tasks have fewer than eight samples or rays are incoherent, and
 ///   their own samples elsewhere.
 ///
@@ -42,8 +48,10 @@ enum Arm {
     Exact,
     Field,
     History,
+    Uniform,
 }
 
+/// Those that know something.
 const ARMS: [Arm; 3] = [Arm::Exact, Arm::Field, Arm::History];
 
 /// What is known of a kind of stream.
@@ -59,6 +67,8 @@ struct Kind {
 #[derive(Clone, Debug, Default)]
 struct Open {
     chosen: Arm,
+    /// Whether every arm is asked, to be compared.
+    probe: bool,
     says: [Option<Vec<Work>>; ARMS.len()],
     measured: Vec<Measured>,
 }
@@ -77,11 +87,18 @@ const BUDGET: f64 = 0.005;
 /// A task with fewer samples than this is better served by the map: below it, intervals are not a task's own.
 const OWN_SAMPLES: f64 = 8.0;
 
-/// Samples are never fewer than one ray in 256, where estimates are still worth having, nor more than one in 16, beyond
-/// which balancing gains nothing measurable.
-const FRACTIONS: (f64, f64) = (1.0 / 256.0, 1.0 / 16.0);
+/// An estimate from fewer samples a task, in the mean, is off by a third or more: not worth making where little can be
+/// gained.
+const LEAST_SAMPLES: f64 = 4.0;
 
-/// The past is put to the test in every stream of this number.
+/// Share of what can be gained that an estimate may cost: it will not gain all of it.
+const STAKE: f64 = 0.5;
+
+/// Samples are never fewer than one ray in 1,024, which is one for each task of the default size, nor more than one in 16,
+/// beyond which balancing gains nothing measurable.
+const FRACTIONS: (f64, f64) = (1.0 / 1024.0, 1.0 / 16.0);
+
+/// Of so many streams of a kind the second puts every arm to the test.
 const PROBE: u32 = 8;
 
 /// Weight of the newest stream's error.
@@ -102,12 +119,16 @@ impl Auto {
         }
     }
 
-    /// The share of a stream's rays that the budget allows.
+    /// The share of a stream's rays to sample; `None` where no estimate pays.
     #[must_use]
-    pub fn fraction(&self, kind: StreamKind) -> Fraction {
-        let dearer = (self.prices.of(kind) - 1.0).max(f64::MIN_POSITIVE);
-        let value = (self.budget / dearer).clamp(FRACTIONS.0, FRACTIONS.1);
-        Fraction::new(value).unwrap_or(Fraction::SIXTY_FOURTH)
+    pub fn fraction(&self, stream: RayStream<'_>) -> Option<Fraction> {
+        let price = self.prices.of(stream.kind);
+        let worth = price.fraction_for(STAKE * stream.blind_excess);
+        let of_task = f64::from(stream.rays()) / stream.tasks.len().max(1) as f64;
+        if worth * of_task < LEAST_SAMPLES {
+            return None;
+        }
+        Fraction::new(worth.min(price.fraction_for(self.budget)).clamp(FRACTIONS.0, FRACTIONS.1))
     }
 
     fn kind(&mut self, kind: StreamKind) -> &mut Kind {
@@ -118,21 +139,31 @@ impl Auto {
         &mut self.kinds[at]
     }
 
-    /// The arm with the least error among those that have an estimate.
+    /// The arm with the least error; before any is known, one that suits `samples` of a stream.
     fn best(&mut self, stream: RayStream<'_>, samples: usize) -> Arm {
         let per_task = samples as f64 / stream.tasks.len().max(1) as f64;
-        let assumed = if stream.kind.is_coherent() && per_task >= OWN_SAMPLES { Arm::Exact } else { Arm::Field };
-        let has: [bool; ARMS.len()] = core::array::from_fn(|i| self.open.says[i].is_some());
+        let own = stream.source.is_none() || (stream.kind.is_coherent() && per_task >= OWN_SAMPLES);
+        let assumed = if own { Arm::Exact } else { Arm::Field };
         let errors = self.kind(stream.kind).errors;
-        let known =
-            ARMS.into_iter().filter(|&arm| has[arm as usize]).filter_map(|arm| Some((arm, errors[arm as usize]?)));
-        let best = known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(arm, _)| arm);
-        best.unwrap_or(if has[assumed as usize] { assumed } else { Arm::Exact })
+        let has_past = self.open.says[Arm::History as usize].is_some();
+        let able = |arm: &Arm| match arm {
+            Arm::Field => stream.source.is_some(),
+            Arm::History => has_past,
+            Arm::Exact | Arm::Uniform => true,
+        };
+        let known = ARMS.into_iter().filter(able).filter_map(|arm| Some((arm, errors[arm as usize]?)));
+        known.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(assumed, |(arm, _)| arm)
     }
 
-    /// Ends the estimation with the best arm's estimate.
-    fn done(&mut self, stream: RayStream<'_>, samples: usize) -> Step {
-        self.open.chosen = self.best(stream, samples);
+    /// Ends the estimation without one.
+    fn uniform(&mut self, stream: RayStream<'_>) -> Step {
+        self.open.chosen = Arm::Uniform;
+        Step::Done(uniform(stream.tasks))
+    }
+
+    /// Ends the estimation with an arm's estimate.
+    fn done(&mut self, stream: RayStream<'_>, arm: Arm) -> Step {
+        self.open.chosen = arm;
         let work = self.open.says[self.open.chosen as usize].clone();
         let work = work.unwrap_or_else(|| stream.tasks.iter().map(|_| Work::default()).collect());
         self.history.remember(stream, &work);
@@ -157,31 +188,43 @@ impl CostEstimator for Auto {
             Arm::Exact => "exact",
             Arm::Field => "field",
             Arm::History => "history",
+            Arm::Uniform => "uniform",
         }
     }
 
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
         if self.asked.is_answered(stream, seen) {
             let batch = Batch { stream, seen };
-            self.open.says[Arm::Field as usize] = stream.source.is_some().then(|| self.fields.estimate(&batch));
+            let mut arm = self.best(stream, seen.counts.len());
             // Where some tasks have no sample, their own samples say nothing.
             let sampled = batch.tasks().all(|(task, rays, _)| task.rays == 0 || !rays.is_empty());
-            self.open.says[Arm::Exact as usize] = sampled.then(|| batch.extrapolated());
-            return self.done(stream, seen.counts.len());
+            if arm == Arm::Exact && !sampled && stream.source.is_some() {
+                arm = Arm::Field;
+            }
+            if stream.source.is_some() && (self.open.probe || arm == Arm::Field) {
+                self.open.says[Arm::Field as usize] = Some(self.fields.estimate(&batch));
+            }
+            if sampled && (self.open.probe || arm == Arm::Exact) {
+                self.open.says[Arm::Exact as usize] = Some(batch.extrapolated());
+            }
+            return self.done(stream, arm);
         }
         self.open = Open::default();
         self.open.says[Arm::History as usize] = self.history.recall(stream);
         let known = self.kind(stream.kind);
         known.streams += 1;
-        let (errors, probe) = (known.errors, known.streams.is_multiple_of(PROBE));
-        let past = errors[Arm::History as usize];
-        let is_best = past.is_some_and(|past| errors.iter().flatten().all(|error| past <= *error));
-        if self.open.says[Arm::History as usize].is_some() && is_best && !probe {
-            return self.done(stream, 0);
+        self.open.probe = known.streams % PROBE == 2;
+        if !self.open.probe && self.best(stream, 0) == Arm::History {
+            return self.done(stream, Arm::History);
         }
-        let fraction = self.fraction(stream.kind);
+        let Some(fraction) = self.fraction(stream) else { return self.uniform(stream) };
         let rays = self.asked.choose(stream, blocks(stream, fraction).into_iter(), fraction);
-        if rays.is_empty() { self.done(stream, 0) } else { Step::Sample { rays, walk: Walk::Full } }
+        if rays.is_empty() { self.uniform(stream) } else { Step::Sample { rays, walk: Walk::Full } }
+    }
+
+    /// Where every ray counts the same, prices learn nothing.
+    fn counts_tests(&self) -> bool {
+        self.open.chosen != Arm::Uniform
     }
 
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
@@ -209,18 +252,20 @@ impl CostEstimator for Auto {
     }
 }
 
-/// Mean relative error of an estimate against measured seconds, with one scale for each device.
+/// Mean relative error of an estimate against measured seconds, by prices fitted on the other half of what each device
+/// traced.
 fn mean_error(work: &[Work], measured: &[Measured]) -> Option<f64> {
     let devices = measured.iter().map(|m| m.device + 1).max()?;
-    let tests = |m: &Measured| -> f64 {
-        m.tasks.iter().filter_map(|&task| work.get(task as usize)).map(|w| f64::from(w.tests())).sum()
+    let of = |m: &Measured| -> Work {
+        m.tasks.iter().filter_map(|&task| work.get(task as usize)).fold(Work::default(), |sum, own| sum.plus(own))
     };
     let (mut sum, mut weight) = (0.0, 0.0);
     for device in 0..devices {
         let own = || measured.iter().filter(|m| m.device == device);
-        let (estimated, truth): (Vec<f64>, Vec<f64>) = own().map(|m| (tests(m), m.seconds)).unzip();
+        let (estimated, truth): (Vec<Work>, Vec<f64>) = own().map(|m| (of(m), m.seconds)).unzip();
         // The scale is fitted to the same tasks: with one there is no error left.
-        if let Some(errors) = EstimateErrors::new(&estimated, &truth).filter(|errors| errors.tasks > 1) {
+        let errors = EstimateErrors::new(&cross_predicted(&estimated, &truth), &truth);
+        if let Some(errors) = errors.filter(|errors| errors.tasks > 1) {
             sum += errors.mean_relative * errors.tasks as f64;
             weight += errors.tasks as f64;
         }

@@ -63,11 +63,12 @@ impl<'a> Batch<'a> {
     pub(super) fn extrapolated(&self) -> Vec<Work> {
         let sampler = RaySampler::for_kind(self.stream.kind);
         let pool = Pool::new(self.seen.counts);
+        let unlike = Divergence::of(self.seen.counts);
         let mut at = 0;
         let work = self.tasks().map(|(task, _, sample)| {
             let own = at..at + sample.len();
             at = own.end;
-            let work = scaled_up(sample, task.rays);
+            let work = scaled_up(sample, task.rays).with_divergence(unlike.scaled_up(sample, task.rays));
             match pool.cautious(own, sample, sampler) {
                 _ if sample.len() >= task.rays as usize => work.with_std_error(0.0),
                 Some(variance) => work.with_std_error(std_error(variance, sample.len(), task.rays) as f32),
@@ -88,6 +89,32 @@ pub(super) fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
     let scale = f64::from(rays) / sample.len().max(1) as f64;
     let sum = |of: fn(&TestCounts) -> u32| sample.iter().map(|c| u64::from(of(c))).sum::<u64>() as f64;
     Work::new(rays as f32, (sum(|c| c.boxes) * scale) as f32, (sum(|c| c.triangles) * scale) as f32)
+}
+
+/// Divergence of one ray, from how sampled rays differ from those before them.
+///
+/// Sampled rays lie further apart than a task's own do, so this is more than theirs. The prices that are fitted to it know
+/// nothing else, so only its proportion matters.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Divergence {
+    /// Of all samples: what is believed of a task that has fewer than two.
+    mean: f64,
+}
+
+impl Divergence {
+    pub(super) fn of(samples: &[TestCounts]) -> Self {
+        Self { mean: Self::mean(samples).unwrap_or(0.0) }
+    }
+
+    fn mean(samples: &[TestCounts]) -> Option<f64> {
+        let steps: u64 = samples.windows(2).map(|pair| u64::from(pair[0].boxes.abs_diff(pair[1].boxes))).sum();
+        (samples.len() > 1).then(|| steps as f64 / (samples.len() - 1) as f64)
+    }
+
+    /// That of `rays` rays whose sample this is.
+    pub(super) fn scaled_up(self, sample: &[TestCounts], rays: u32) -> f32 {
+        (Self::mean(sample).unwrap_or(self.mean) * f64::from(rays)) as f32
+    }
 }
 
 /// Standard error of the total of `rays` rays from a sample of which `samples` were drawn, with the finite population

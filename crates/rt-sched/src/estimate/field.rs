@@ -1,6 +1,6 @@
 //! Costs from a map of where in the scene rays are dear.
 
-use super::batch::{Asked, Batch, scaled_up};
+use super::batch::{Asked, Batch, Divergence, scaled_up};
 use super::cells::{Cells, Place};
 use crate::sample::Fraction;
 use alloc::vec::Vec;
@@ -152,14 +152,17 @@ impl CostField {
     fn estimate(&mut self, batch: &Batch<'_>, source: &RaySource) -> Vec<Work> {
         let learned = self.learn(batch, source);
         let spread = Spread::of(batch, &learned.unseen);
+        let unlike = Divergence::of(batch.seen.counts);
         let mut at = 0;
         let work = batch.tasks().map(|(task, _, sample)| {
             let residuals = &learned.residuals[at..at + sample.len()];
             at += sample.len();
-            if sample.len() >= task.rays as usize {
-                return scaled_up(sample, task.rays).with_std_error(0.0);
-            }
-            self.task(batch.stream, source, (task, sample), residuals, spread)
+            let work = if sample.len() >= task.rays as usize {
+                scaled_up(sample, task.rays).with_std_error(0.0)
+            } else {
+                self.task(batch.stream, source, (task, sample), residuals, spread)
+            };
+            work.with_divergence(unlike.scaled_up(sample, task.rays))
         });
         work.collect()
     }

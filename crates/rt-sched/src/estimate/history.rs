@@ -138,23 +138,24 @@ impl Past {
         let ratio = if new_rays > 0.0 { old_rays / new_rays } else { 0.0 };
         let mut old = self.rays.iter().zip(&self.work).filter(|(rays, _)| **rays > 0);
         let mut left = 0.0;
-        let mut density = [0.0; 2];
+        // Of box tests, triangle tests and divergence.
+        let mut density = [0.0; 3];
         let resample = |task: &Task| {
-            let mut sum = [0.0; 2];
+            let mut sum = [0.0; 3];
             let mut wanted = f64::from(task.rays) * ratio;
             while wanted > 0.0 {
                 if left <= 0.0 {
                     let Some((&rays, work)) = old.next() else { break };
                     left = f64::from(rays);
-                    density = [work.boxes(), work.triangles()].map(|tests| f64::from(tests) / left);
+                    density = [work.boxes(), work.triangles(), work.divergence()].map(|part| f64::from(part) / left);
                 }
                 let part = wanted.min(left);
-                sum = [sum[0] + density[0] * part, sum[1] + density[1] * part];
+                sum = core::array::from_fn(|i| sum[i] + density[i] * part);
                 wanted -= part;
                 left -= part;
             }
-            let [boxes, triangles] = sum.map(|tests| if ratio > 0.0 { (tests / ratio) as f32 } else { 0.0 });
-            Work::new(task.rays as f32, boxes, triangles)
+            let [boxes, triangles, divergence] = sum.map(|part| if ratio > 0.0 { (part / ratio) as f32 } else { 0.0 });
+            Work::new(task.rays as f32, boxes, triangles).with_divergence(divergence)
         };
         tasks.iter().map(resample).collect()
     }

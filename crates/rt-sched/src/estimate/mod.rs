@@ -8,7 +8,7 @@
 //! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
 //! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
 //! | [`History`] | Blender Cycles | nothing, once a stream of the same kind was traced |
-//! | [`Auto`] | – | what the best of exact, field and history asks, within a budget |
+//! | [`Auto`] | – | what the best of exact, field and history asks, within a budget; nothing where none pays |
 //!
 //! Every estimate carries the standard error of its number of tests where that is known; [`interval_95`] makes an
 //! interval of it. That is the error against *counts*. How well counts predict time is another question, answered by
@@ -31,11 +31,17 @@ pub use field::Field;
 pub use history::History;
 pub use sampled::{Sampled, interval_95};
 
-use rt_core::{CostEstimator, Observation, RayStream, Step, Work};
+use alloc::vec::Vec;
+use rt_core::{CostEstimator, Observation, RayStream, Step, Task, Work};
+
+/// One box test for each ray, so that every cost model prices it.
+fn uniform(tasks: &[Task]) -> Vec<Work> {
+    tasks.iter().map(|task| Work::new(task.rays as f32, task.rays as f32, 0.0)).collect()
+}
 
 /// Every ray costs the same: the estimate that asks nothing, and what the paper compares with.
 ///
-/// A task's work is its rays, with one box test each so that every cost model prices it.
+/// A task's work is its rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uniform;
 
@@ -45,8 +51,7 @@ impl CostEstimator for Uniform {
     }
 
     fn next(&mut self, stream: RayStream<'_>, _: Observation<'_>) -> Step {
-        let work = stream.tasks.iter().map(|task| Work::new(task.rays as f32, task.rays as f32, 0.0));
-        Step::Done(work.collect())
+        Step::Done(uniform(stream.tasks))
     }
 
     fn counts_tests(&self) -> bool {

@@ -92,7 +92,7 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
     // Beside the units, in which a device that is much faster than another counts coarsely.
     let mut seconds_of = vec![0.0; devices.len()];
     let mut prices = Vec::with_capacity(AHEAD * classes.models.len());
-    for tasks in dearest_first(work.iter().map(|w| seconds(&mean, w))).order.chunks(AHEAD) {
+    for tasks in dearest_first(work.iter().map(|w| seconds(&mean, &w.parts()))).order.chunks(AHEAD) {
         prices.clear();
         for task in tasks {
             let work = &work[task.task() as usize];
@@ -130,7 +130,7 @@ fn classes_of(devices: &[CostModel]) -> Classes {
     let mut known = BTreeMap::new();
     let mut models = Vec::new();
     let of = devices.iter().map(|d| {
-        let bits = [d.per_launch(), d.per_ray(), d.per_box(), d.per_triangle()].map(f64::to_bits);
+        let bits = (d.per_launch().to_bits(), d.per_part().map(f64::to_bits));
         *known.entry(bits).or_insert_with(|| {
             models.push(*d);
             models.len() - 1
@@ -156,8 +156,7 @@ struct Units {
 impl Units {
     fn new(work: &[Work], devices: &[CostModel]) -> Self {
         let sum = total(work);
-        let all =
-            |d: &CostModel| d.per_launch() + d.per_ray() * sum[0] + d.per_box() * sum[1] + d.per_triangle() * sum[2];
+        let all = |d: &CostModel| d.per_launch() + seconds(&d.per_part(), &sum);
         let total = devices.iter().map(all).fold(0.0, f64::max);
         let device_bits = bits_for(devices.len());
         // All tasks on the slowest device fill less than 2^61, with room for the unit that each task costs more.

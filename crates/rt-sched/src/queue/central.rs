@@ -24,7 +24,7 @@ impl CentralQueue {
     #[must_use]
     pub fn new(work: &[Work], devices: &[CostModel]) -> Self {
         let mean = mean_model(devices);
-        let ranking = dearest_first(work.iter().map(|w| seconds(&mean, w)));
+        let ranking = dearest_first(work.iter().map(|w| seconds(&mean, &w.parts())));
         Self {
             order: ranking.order.into_iter().map(|ranked| ranked.task()).collect(),
             next: AtomicU32::new(0),

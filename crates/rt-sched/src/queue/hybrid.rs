@@ -4,7 +4,7 @@ use super::ledger::Ledger;
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
-use crate::policy::total;
+use crate::policy::{seconds, total};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -70,7 +70,7 @@ impl HybridQueue {
         let sum = total(work);
         let pace = |device| {
             let d = model(device);
-            let seconds = d.per_ray() * sum[0] + d.per_box() * sum[1] + d.per_triangle() * sum[2];
+            let seconds = seconds(&d.per_part(), &sum);
             Pace { speed: if seconds > 0.0 { 1.0 / seconds } else { 1.0 }, launch: d.per_launch() }
         };
         Self {

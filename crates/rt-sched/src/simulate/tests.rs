@@ -126,6 +126,16 @@ fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
     )
 }
 
+/// Mutant: a device that takes both its launches before the next one takes any.
+#[test]
+fn the_dearest_tasks_go_to_different_devices() {
+    let costs = [3.0, 3.0, 3.0, 1.0];
+    let work: Vec<Work> = costs.iter().map(|&c| Work::new(0.0, c as f32, 0.0)).collect();
+    let queue = CentralQueue::new(&work, &[CostModel::UNIT; 3]);
+    let simulation = Simulation { launch_s: 0.0, pop_s: 0.0, ..Simulation::default() };
+    assert_eq!(simulation.run(&queue, 3, &|_, task| costs[task as usize]).makespan_s, 4.0);
+}
+
 proptest! {
     /// No queue beats the lower bound, every task runs exactly once, and equal runs are equal.
     ///

@@ -153,7 +153,8 @@ mod tests {
     fn the_other_sampler_is_another() {
         let tasks = tasks_of(1024, 1024);
         let steps = |kind: &Kind, of: StreamKind| {
-            let stream = RayStream { kind: of, tasks: &tasks, seed: 1, part: 0, source: None, devices: 1 };
+            let stream =
+                RayStream { kind: of, tasks: &tasks, seed: 1, part: 0, source: None, devices: 1, blind_excess: 1.0 };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>(),
                 Step::Done(_) => Vec::new(),

@@ -1,10 +1,11 @@
 //! The sweep: every setting in turn, round after round.
 
 use super::estimators::{KINDS, Kind};
-use crate::experiment::{Observed, Queue, Replay, Subject};
+use crate::experiment::Subject;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
+use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::report::{ErrorReport, StreamRun};
 use rt_balance::stats::Summary;
 use rt_balance::{Scheduling, Stream};
@@ -206,7 +207,8 @@ impl<'a> Sweep<'a> {
 }
 
 fn run(subject: &mut Subject, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
-    subject.trace(stream, &mut Scheduling { estimator, ..Scheduling::default() })
+    // One device has nothing to gain; the virtual ones do.
+    subject.trace(stream, &mut Scheduling { estimator, blind_excess: Some(1.0), ..Scheduling::default() })
 }
 
 fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {

@@ -23,6 +23,7 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
         stream,
         walked_rays: walked as u64,
         walk_s: walked as f64 * price,
+        host_s: 0.0,
         traced_rays: u64::from(stream.rays()),
         trace_s: f64::from(stream.rays()),
     });
@@ -114,6 +115,7 @@ fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u3
         stream,
         walked_rays: walked as u64,
         walk_s,
+        host_s: 0.0,
         traced_rays: stream.rays().into(),
         trace_s,
     });
@@ -133,14 +135,45 @@ fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     }
     // A price of 3 is assumed, and 2 measured.
     assert_eq!(walks[0], ("exact", 64));
-    assert!((auto.fraction(StreamKind::Primary).value() - 0.005).abs() < 2e-3);
+    let fraction = auto.fraction(super::stream(StreamKind::Primary, &tasks, 1)).expect("much to gain");
+    assert!((fraction.value() - 0.005).abs() < 2e-3);
     // Streams repeat exactly here: nothing predicts them better than the past.
     assert_eq!(walks[3..7], [("history", 0); 4]);
-    assert!(walks[7].1 > 0 && walks[15].1 > 0, "every eighth stream is sampled");
+    assert!(walks[1].1 > 0 && walks[9].1 > 0, "every eighth stream is sampled");
     // Another kind of stream has a past of its own.
     let diffuse_stream = super::stream(StreamKind::Diffuse(0), &tasks, 1);
     assert!(estimate(&mut auto, diffuse_stream, &diffuse).1 > 0);
     assert_eq!(auto.name(), "auto");
+}
+
+/// An estimate costs no more than half of what can be gained, and none is made where that is too little.
+///
+/// Mutants: `STAKE` of 2; a host that costs nothing; `counts_tests` that is always true.
+#[test]
+fn auto_estimates_nothing_where_nothing_pays() {
+    let tasks = tasks_of(256 * 1_024, 1_024);
+    let stream = |blind_excess| RayStream { blind_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
+    let mut auto = Auto::default();
+    // At the assumed price of 3, four samples a task cost 0.8% of the trace.
+    for (blind, walks) in [(0.05, true), (0.017, true), (0.014, false), (0.0, false)] {
+        let (work, walked) = estimate(&mut auto, stream(blind), &primary);
+        assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{blind}");
+        assert_eq!(auto.chosen() == "uniform", !walks);
+        assert_eq!(work.len(), tasks.len());
+    }
+    // Cheaper samples make smaller gains worth them; what the host does makes them dearer.
+    let finish = |auto: &mut Auto, host_s| {
+        let (stream, n) = (stream(1.0), 1_000);
+        let seconds = StreamRecord { stream, walked_rays: n, walk_s: 1.1, traced_rays: n, trace_s: 1.0, host_s };
+        (0..9).for_each(|_| auto.finish(&seconds));
+    };
+    finish(&mut auto, 0.0);
+    let near = |found: Option<Fraction>, wanted: f64| (found.expect("pays").value() / wanted - 1.0).abs() < 0.01;
+    assert!(near(auto.fraction(stream(0.002)), 0.001 / 0.1));
+    assert!(near(auto.fraction(stream(1.0)), 0.005 / 0.1), "the budget");
+    finish(&mut auto, 0.003);
+    assert!(auto.fraction(stream(0.002)).is_none());
+    assert!(near(auto.fraction(stream(1.0)), 0.002 / 0.1));
 }
 
 /// A past that no longer holds is given up.

@@ -14,7 +14,7 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, tasks, seed, part: 0, source: None, devices: 2 }
+    RayStream { kind, tasks, seed, part: 0, source: None, devices: 2, blind_excess: 1.0 }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.

@@ -32,7 +32,7 @@ fn best_makespan(costs: &[f64], loads: &mut [f64]) -> f64 {
 fn naive(work: &[Work], devices: &[CostModel]) -> Vec<Vec<TaskId>> {
     let mean = mean_model(devices);
     let mut order: Vec<usize> = (0..work.len()).collect();
-    order.sort_by(|&a, &b| seconds(&mean, &work[b]).total_cmp(&seconds(&mean, &work[a])));
+    order.sort_by(|&a, &b| seconds(&mean, &work[b].parts()).total_cmp(&seconds(&mean, &work[a].parts())));
     let mut lists = vec![Vec::new(); devices.len()];
     let mut ends: Vec<f64> = devices.iter().map(CostModel::per_launch).collect();
     for task in order {

@@ -4,7 +4,7 @@
 //! measurement: each task's own time, what a launch costs beside its tasks, and the walks and the planning of an
 //! estimation. What is assumed: that devices do not slow each other down, and share the walks of the estimation evenly.
 
-use rt_balance::report::{ActivityKind, StreamRun};
+use crate::report::{ActivityKind, StreamRun};
 use rt_core::{CostModel, TaskId, Work};
 use rt_sched::bound;
 use rt_sched::policy::{Lpt, Policy};
@@ -13,23 +13,24 @@ use rt_sched::simulate::Simulation;
 
 /// What a run with an estimate on one real device tells of the estimate.
 #[derive(Clone, Debug)]
-pub(crate) struct Observed {
+pub struct Observed {
     /// Predicted seconds of what is left of each task, by prices fitted to earlier runs.
-    pub(crate) predicted_s: Vec<f64>,
+    pub predicted_s: Vec<f64>,
     /// Share of each task's rays that is left, from 0 to 1: the others' hits were kept.
-    pub(crate) left: Vec<f64>,
+    pub left: Vec<f64>,
     /// Device seconds of the estimation's walks.
-    pub(crate) walks_s: f64,
+    pub walks_s: f64,
     /// The rest of the estimation: host seconds of choosing samples and planning.
-    pub(crate) planning_s: f64,
+    pub planning_s: f64,
     /// Seconds of a launch beside its tasks: the least of all launches, since what other programs of the machine took in
     /// between is no part of it.
-    pub(crate) launch_s: f64,
+    pub launch_s: f64,
 }
 
 impl Observed {
     /// Reads a run over one device.
-    pub(crate) fn of(run: &StreamRun) -> Self {
+    #[must_use]
+    pub fn of(run: &StreamRun) -> Self {
         let walks = run.activities.iter().filter(|activity| activity.kind == ActivityKind::Estimate);
         let walks_s: f64 = walks.map(|walk| walk.end_s - walk.start_s).sum();
         let launches = run.activities.iter().filter(|activity| activity.kind == ActivityKind::Launch);
@@ -52,31 +53,37 @@ impl Observed {
 
 /// Virtual devices of given speeds, 1 being that of the measured one.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Replay<'a> {
-    pub(crate) speeds: &'a [f64],
+pub struct Replay<'a> {
+    /// The speed of each device.
+    pub speeds: &'a [f64],
     /// Seconds of each task, all its rays, on the measured device.
-    pub(crate) task_s: &'a [f64],
+    pub task_s: &'a [f64],
     /// Seconds of a launch beside its tasks.
-    pub(crate) launch_s: f64,
+    pub launch_s: f64,
 }
 
-/// How a queue starts.
+/// The queue of a replay.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Queue<'a> {
+pub enum Queue<'a> {
+    /// Static queues, dealt by a policy.
     Static(&'a dyn Policy),
+    /// A central queue, dearest first.
     Central,
+    /// Static shares with stealing.
     Hybrid,
 }
 
 impl Replay<'_> {
     /// Makespan without any estimate, in seconds: every ray counts the same, and every device.
-    pub(crate) fn regular(&self, queue: Queue<'_>, rays: &[u32]) -> f64 {
+    #[must_use]
+    pub fn regular(&self, queue: Queue<'_>, rays: &[u32]) -> f64 {
         let work: Vec<Work> = rays.iter().map(|&n| Work::new(n as f32, n as f32, 0.0)).collect();
         self.run(queue, &work, &vec![CostModel::UNIT; self.speeds.len()], |_| 1.0)
     }
 
     /// Makespan with an estimate, in seconds, and the part of it that the estimation took.
-    pub(crate) fn cost_initialised(&self, queue: Queue<'_>, seen: &Observed) -> (f64, f64) {
+    #[must_use]
+    pub fn cost_initialised(&self, queue: Queue<'_>, seen: &Observed) -> (f64, f64) {
         // A predicted nanosecond counts as a box test: devices of speed s do s of them in a nanosecond.
         let work: Vec<Work> = seen.predicted_s.iter().map(|s| Work::new(0.0, (s * 1e9) as f32, 0.0)).collect();
         let model = |&speed: &f64| CostModel::new(self.launch_s, 1e-9 / speed, 1e-9 / speed, 1e-9 / speed);
@@ -87,7 +94,8 @@ impl Replay<'_> {
     }
 
     /// Least makespan that any schedule of all rays has, in seconds.
-    pub(crate) fn lower_bound(&self) -> f64 {
+    #[must_use]
+    pub fn lower_bound(&self) -> f64 {
         bound::related(self.task_s, self.speeds)
     }
 
