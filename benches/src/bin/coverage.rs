@@ -214,7 +214,8 @@ impl Case {
     /// What a driver does, with the counts that are known already. Returns work and number of samples of each task.
     fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>) {
         let Stream { kind, source, tasks, .. } = stream;
-        let asked = RayStream { kind: *kind, tasks, seed, part: 0, source: Some(source), devices: 2 };
+        let asked =
+            RayStream { kind: *kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         loop {
