@@ -5,9 +5,10 @@ use crate::{embree, nightly, setup, vulkan};
 use anyhow::{Result, bail};
 
 /// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, both GPU backends with
-/// all layouts and failures, and Embree beside them.
+/// all layouts, and Embree beside them. The tests of lost devices hang them on purpose and hold them to limits of time, which
+/// instrumented programs on a shared machine do not keep.
 const TESTS: &str = "test --target x86_64-unknown-linux-gnu --no-fail-fast -p backend-vulkan -p backend-wgpu \
-                     -p embree4-sys -p rt-tests --lib --test abi --test embree --test gpu --test gpu_loss --test layouts \
+                     -p embree4-sys -p rt-tests --lib --test abi --test embree --test gpu --test layouts \
                      --test peers --test rays";
 
 /// Leaks that are not ours, by the library that keeps the memory.

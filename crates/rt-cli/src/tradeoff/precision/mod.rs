@@ -15,7 +15,6 @@ use rt_core::{Device, Hit, Launch, Precision, Ray, RaySource, Scene, StreamSpec,
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
-use std::io::Write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
