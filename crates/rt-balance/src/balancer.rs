@@ -133,6 +133,7 @@ impl Balancer {
         let outputs = Mutex::new(Outputs { hits, counts });
         self.members.iter_mut().for_each(Member::begin);
         self.load(stream)?;
+        let loaded = clock::now();
         let expected = || blind_excess(&self.members, scheduling.queue, stream.tasks.len());
         let blind = scheduling.blind_excess.unwrap_or_else(expected);
         let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, blind, &outputs)?;
@@ -145,7 +146,7 @@ impl Balancer {
 
         teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
         learn_launches(&mut self.members, key, &plan, &ran);
-        let times = Times { origin: self.origin, begin, planned, end };
+        let times = Times { origin: self.origin, begin, loaded, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
     }
 

@@ -11,11 +11,12 @@ use rt_core::{TaskId, TestCounts, Work};
 use rt_sched::metrics;
 use std::time::Duration;
 
-/// When a stream began, was planned and ended, since the balancer was made.
+/// When a stream began, was loaded, was planned and ended, on the clock of all devices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Times {
     pub(crate) origin: Duration,
     pub(crate) begin: Duration,
+    pub(crate) loaded: Duration,
     pub(crate) planned: Duration,
     pub(crate) end: Duration,
 }
@@ -56,7 +57,7 @@ pub(crate) fn measure(
         })
         .collect();
     let makespan_s = times.end.saturating_sub(times.begin).as_secs_f64();
-    let estimate_s = times.planned.saturating_sub(times.begin).as_secs_f64();
+    let estimate_s = times.planned.saturating_sub(times.loaded).as_secs_f64();
     let report = StreamReport {
         kind: stream.kind.to_string(),
         frame: stream.frame,

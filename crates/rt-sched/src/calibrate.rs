@@ -61,8 +61,8 @@ pub struct Fit {
     pub model: CostModel,
     /// Root mean square of the relative errors of the observations, without a unit.
     pub relative_error: f64,
-    /// How many prices were told apart: 5 when each has its own, 4 where divergence is free, 2 for launches and everything
-    /// else, 1 for one price.
+    /// How many prices were told apart: 5 when each has its own, fewer where something was not observed or divergence is
+    /// free, 2 for launches and everything else, 1 for one price.
     pub prices: u32,
 }
 
@@ -147,12 +147,20 @@ impl Calibration {
             [0.0, 0.0, 0.0, 1.0, 0.0],
             [0.0, 0.0, 0.0, 0.0, 1.0],
         ];
-        const LAUNCH_AND_REST: &[Row] = &[[1.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1.0, 1.0, 1.0, 0.0]];
+        const LAUNCH_AND_REST: &[Row] = &[[1.0, 0.0, 0.0, 0.0, 0.0], ONE_PRICE];
         const ONE: &[Row] = &[ONE_PRICE];
-        let tiers = [SEPARATE, &SEPARATE[..4], LAUNCH_AND_REST, ONE].into_iter();
-        // One price is better than none.
-        let mut tiers = tiers.filter(|tier| tier.len() == 1 || self.weight >= ENOUGH * tier.len() as f64);
-        tiers.find_map(|columns| if self.independent(columns) { self.best(columns) } else { None })
+        [SEPARATE, &SEPARATE[..4], LAUNCH_AND_REST, ONE].into_iter().find_map(|tier| {
+            // What was never observed has no price: launches, where single tasks were timed.
+            let columns: Vec<Row> = tier.iter().copied().filter(|column| self.observed(column)).collect();
+            // One price is better than none.
+            let enough = columns.len() == 1 || self.weight >= ENOUGH * columns.len() as f64;
+            if enough && self.independent(&columns) { self.best(&columns) } else { None }
+        })
+    }
+
+    /// Whether anything was observed of what `column` prices.
+    fn observed(&self, column: &Row) -> bool {
+        (0..PRICES).any(|i| column[i] > 0.0 && self.matrix[i][i] > 0.0)
     }
 
     /// Whether the observations can tell the prices of `columns` apart.
@@ -368,14 +376,32 @@ mod tests {
         assert!(fit.relative_error < 1e-4, "{fit:?}");
     }
 
-    /// Mutant: no tier without divergence, which falls back to one price for everything.
+    /// Mutant: `observed` that is always true, which falls back to one price for everything.
     #[test]
-    fn prices_are_told_apart_where_divergence_is_unknown() {
+    fn prices_are_told_apart_where_launches_or_divergence_are_unknown() {
+        let fit = |of: &dyn Fn(Measured) -> Measured| {
+            let mut calibration = Calibration::default();
+            (0..40).for_each(|i| calibration.observe(of(launch(i, 0.0))));
+            calibration.fit().expect("40 launches")
+        };
+        let alike = fit(&|m| Measured { divergence: 0.0, seconds: m.seconds - TRUE[4] * m.divergence, ..m });
+        assert_eq!((alike.prices, alike.model.per_divergence()), (4, 0.0));
+        let tasks = fit(&|m| Measured { launches: 0.0, seconds: m.seconds - TRUE[0], ..m });
+        assert_eq!((tasks.prices, tasks.model.per_launch()), (4, 0.0));
+        for fit in [alike, tasks] {
+            assert!(fit.relative_error < 1e-4, "{fit:?}");
+        }
+    }
+
+    /// Mutant: a tier too few, so that divergence that follows the boxes leaves one price for everything.
+    #[test]
+    fn divergence_is_free_where_it_cannot_be_told_from_boxes() {
         let mut calibration = Calibration::default();
         (0..40).for_each(|i| {
             let m = launch(i, 0.0);
-            let seconds = m.seconds - TRUE[4] * m.divergence;
-            calibration.observe(Measured { divergence: 0.0, seconds, ..m });
+            let divergence = 0.1 * m.boxes;
+            let seconds = m.seconds + TRUE[4] * (divergence - m.divergence);
+            calibration.observe(Measured { divergence, seconds, ..m });
         });
         let fit = calibration.fit().expect("40 launches");
         assert_eq!((fit.prices, fit.model.per_divergence()), (4, 0.0));

@@ -118,6 +118,10 @@ const RAYS_PER_LOOKUP: u32 = 32;
 /// Fewest lookups of a task.
 const LEAST_LOOKUPS: u32 = 4;
 
+/// Most lookups of a task for each sample that tasks have in the mean: where samples are few, their error is larger than
+/// what more lookups could mend.
+const LOOKUPS_PER_SAMPLE: u32 = 8;
+
 /// A map from where a ray starts and where it goes to its expected tests, that learns from samples.
 ///
 /// It knows nothing but means: of all rays, then of the residuals in ever smaller cells, each shrunk towards 0 while few
@@ -153,6 +157,8 @@ impl CostField {
         let learned = self.learn(batch, source);
         let spread = Spread::of(batch, &learned.unseen);
         let unlike = Divergence::of(batch.seen.counts);
+        let per_task = batch.seen.counts.len().div_ceil(batch.stream.tasks.len().max(1));
+        let lookups = LOOKUPS_PER_SAMPLE.saturating_mul(per_task as u32);
         let mut at = 0;
         let work = batch.tasks().map(|(task, _, sample)| {
             let residuals = &learned.residuals[at..at + sample.len()];
@@ -160,7 +166,7 @@ impl CostField {
             let work = if sample.len() >= task.rays as usize {
                 scaled_up(sample, task.rays).with_std_error(0.0)
             } else {
-                self.task(batch.stream, source, (task, sample), residuals, spread)
+                self.task(batch.stream, source, (task, sample), residuals, spread, lookups)
             };
             work.with_divergence(unlike.scaled_up(sample, task.rays))
         });
@@ -175,9 +181,10 @@ impl CostField {
         (task, sample): (Task, &[TestCounts]),
         residuals: &[[f32; 2]],
         spread: Option<Spread>,
+        lookups: u32,
     ) -> Work {
         let coherent = stream.kind.is_coherent();
-        let count = (task.rays / RAYS_PER_LOOKUP).max(LEAST_LOOKUPS).min(task.rays);
+        let count = (task.rays / RAYS_PER_LOOKUP).min(lookups).max(LEAST_LOOKUPS).min(task.rays);
         let start = u64::from(random::below(task.rays, stream.seed, task.first, LOOKUP_DIMENSION));
         let place = |i: u32| task.first + ((u64::from(i) * u64::from(task.rays) + start) / u64::from(count)) as u32;
         let (mut sum, mut squares) = ([0.0_f32; 2], 0.0);
