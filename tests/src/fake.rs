@@ -1,6 +1,6 @@
 //! A device without hardware, and its broken sisters: proof that the conformance suite can fail.
 
-use rt_bvh::Stack;
+use rt_bvh::{Stack, WideTree};
 use rt_core::intersect::Shear;
 use rt_core::{
     Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
@@ -92,6 +92,7 @@ impl Flaw {
 pub struct FakeDevice {
     info: DeviceInfo,
     flaw: Option<Flaw>,
+    wide: bool,
 }
 
 impl FakeDevice {
@@ -99,6 +100,13 @@ impl FakeDevice {
     #[must_use]
     pub fn honest() -> Self {
         Self::new(None)
+    }
+
+    /// Keeps every promise about hits; traces and counts over the eight-wide layout, so that counts are another one's.
+    #[must_use]
+    pub fn wide() -> Self {
+        let device = Self::new(None);
+        Self { info: DeviceInfo { name: "eight-wide".to_owned(), ..device.info }, wide: true, ..device }
     }
 
     /// Does everything but tracing: all rays miss.
@@ -115,7 +123,7 @@ impl FakeDevice {
 
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
-        Self { info: DeviceInfo { name, backend: "fake", units: 1, in_flight: 2, memory: None }, flaw }
+        Self { info: DeviceInfo { name, backend: "fake", units: 1, in_flight: 2, memory: None }, flaw, wide: false }
     }
 }
 
@@ -126,6 +134,7 @@ impl Device for FakeDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         Ok(Box::new(FakeTracer {
+            wide: self.wide.then(|| WideTree::new(&scene)),
             scene,
             clock,
             flaw: self.flaw,
@@ -142,6 +151,8 @@ impl Device for FakeDevice {
 #[derive(Debug)]
 struct FakeTracer {
     scene: Arc<Scene>,
+    /// What is walked instead of the scene's own tree.
+    wide: Option<WideTree>,
     clock: Clock,
     flaw: Option<Flaw>,
     source: RaySource,
@@ -234,9 +245,11 @@ impl FakeTracer {
         let mut answer = (Hit::MISS, TestCounts::default());
         let sink = |hit, counts| answer = (hit, counts);
         let rays = std::iter::once((ray, origin));
-        match walk {
-            Some(walk) => rt_bvh::count(&self.scene, stack, walk, self.spec.precision, rays, sink),
-            None => rt_bvh::trace(&self.scene, stack, self.spec, rays, sink),
+        match (walk, &self.wide) {
+            (Some(walk), None) => rt_bvh::count(&self.scene, stack, walk, self.spec.precision, rays, sink),
+            (None, None) => rt_bvh::trace(&self.scene, stack, self.spec, rays, sink),
+            (Some(walk), Some(tree)) => rt_bvh::count_wide(tree, stack, walk, self.spec.precision, rays, sink),
+            (None, Some(tree)) => rt_bvh::trace_wide(tree, stack, self.spec, rays, sink),
         }
         answer
     }

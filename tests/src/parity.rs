@@ -4,6 +4,7 @@ use crate::conformance::clock;
 use crate::judge::{Tally, judge};
 use crate::scenes;
 use rayon::prelude::*;
+use rt_bvh::{Stack, WideTree, trace_wide};
 use rt_core::{
     Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
     tasks_of,
@@ -212,12 +213,25 @@ impl<'a> Exam<'a> {
         found
     }
 
-    /// Puts the rays to a tree.
+    /// Puts the rays to a scene's own tree, the two-wide one.
     #[must_use]
     pub fn mark(&self, scene: &Scene, query: Query, precision: Precision) -> Marks {
         let spec = StreamSpec { query, precision, counts: false };
         let hits: Vec<Hit> =
             self.rays.par_chunks(1024).flat_map_iter(|rays| tree::trace(scene, spec, rays).0).collect();
+        self.mark_hits(&hits, query)
+    }
+
+    /// The same for the eight-wide tree of a scene.
+    #[must_use]
+    pub fn mark_wide(&self, tree: &WideTree, query: Query, precision: Precision) -> Marks {
+        let spec = StreamSpec { query, precision, counts: false };
+        let trace = |rays: &[(Ray, u32)]| {
+            let mut hits = Vec::with_capacity(rays.len());
+            trace_wide(tree, &mut Stack::default(), spec, rays.iter().copied(), |hit, _| hits.push(hit));
+            hits
+        };
+        let hits: Vec<Hit> = self.rays.par_chunks(1024).flat_map_iter(trace).collect();
         self.mark_hits(&hits, query)
     }
 

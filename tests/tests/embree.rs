@@ -1,7 +1,7 @@
 //! Embree and this project's devices on the same rays: random meshes and real scenes; nearest and any hits.
 //!
-//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful precision
-//! and with any number of threads. Errors of Embree and of our `fast` are counted and printed; on random rays there may
+//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful precision,
+//! with any number of threads and over either layout of trees. Errors of Embree and of our `fast` are counted and printed; on random rays there may
 //! be few, or they were not asked the same. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
 //! The program `parity` does the same with more rays.
 
@@ -13,7 +13,9 @@ use proptest::prelude::*;
 use proptest::test_runner::{Config, TestError, TestRunner};
 use rt_bvh::Builder;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
+use rt_gpu::Layouts;
 use rt_scene::{Model, builtin};
+use rt_tests::fake::FakeDevice;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::{Exam, Kind, trace_all};
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
@@ -89,7 +91,8 @@ fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> R
     }
 }
 
-/// The processor with one thread and with two, and every device of Vulkan and of wgpu. What is missing is another test's business.
+/// The processor with one thread, with two and over the eight-wide tree; every device of Vulkan and of wgpu with its usual
+/// layout, and the first of each with the two-wide one. What is missing is another test's business.
 fn ours() -> Devices {
     let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
     for threads in [1, 2] {
@@ -97,13 +100,18 @@ fn ours() -> Devices {
             found.push((format!("cpu, threads: {threads}"), Arc::new(device)));
         }
     }
-    let vulkan = VulkanDevice::enumerate(backend_vulkan::Options::default()).unwrap_or_default();
-    for (i, device) in vulkan.into_iter().flatten().enumerate() {
-        found.push((format!("vulkan {i}: {}", device.info().name), Arc::new(device)));
-    }
-    let wgpu = WgpuDevice::enumerate(backend_wgpu::Options::default()).unwrap_or_default();
-    for (i, device) in wgpu.into_iter().flatten().enumerate() {
-        found.push((format!("wgpu {i}: {}", device.info().name), Arc::new(device)));
+    found.push(("cpu, eight-wide".to_owned(), Arc::new(FakeDevice::wide())));
+    for (layout, layouts, most) in [("usual", Layouts::USUAL, usize::MAX), ("two-wide", Layouts::default(), 1)] {
+        let options = backend_vulkan::Options { layouts: Some(layouts), ..Default::default() };
+        let vulkan = VulkanDevice::enumerate(options).unwrap_or_default();
+        for (i, device) in vulkan.into_iter().flatten().enumerate().take(most) {
+            found.push((format!("vulkan {i}, {layout}: {}", device.info().name), Arc::new(device)));
+        }
+        let options = backend_wgpu::Options { layouts: Some(layouts), ..Default::default() };
+        let wgpu = WgpuDevice::enumerate(options).unwrap_or_default();
+        for (i, device) in wgpu.into_iter().flatten().enumerate().take(most) {
+            found.push((format!("wgpu {i}, {layout}: {}", device.info().name), Arc::new(device)));
+        }
     }
     Arc::new(found)
 }
@@ -121,7 +129,8 @@ fn mesh_and_rays() -> impl Strategy<Value = (Vec<Triangle>, Vec<(Ray, u32)>)> {
 /// Guards against: a box test of ours without padding, a triangle lost by a builder, a tie won by the higher id.
 fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Failed> {
     let tallies = RefCell::new([const { Tally::new() }; 2]);
-    let (cpus, gpus): (Vec<_>, Vec<_>) = ours.iter().partition(|(_, device)| device.info().backend == "cpu");
+    let (gpus, cpus): (Vec<_>, Vec<_>) =
+        ours.iter().partition(|(_, device)| ["vulkan", "wgpu"].contains(&device.info().backend));
     // Making a scene resident on a software GPU takes longer than all else: they take turns.
     let turns = RefCell::new(gpus.iter().cycle());
     let mut runner = TestRunner::new(Config { cases: MESHES, ..Config::default() });

@@ -1,9 +1,9 @@
-//! Every builder's trees give the exact reference's hits on real and built-in scenes. Ambiguous rays are
+//! Every builder's trees, two-wide and eight-wide, give the exact reference's hits on real and built-in scenes. Ambiguous rays are
 //! counted, and must still hit one of their candidates; at most one random ray in a thousand may be one, but for ties
 //! in scenes that are listed for them.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
-use rt_bvh::Builder;
+use rt_bvh::{Builder, WideTree};
 use rt_core::{Precision, Query};
 use rt_scene::{Model, builtin};
 use rt_tests::parity::Exam;
@@ -48,11 +48,18 @@ fn examine(name: &str, model: &Model, rays: u32) -> Result<(), Failed> {
     }
     for &builder in Builder::ALL {
         let tree = tree::build(&triangles, builder)?;
+        let wide = WideTree::new(&tree);
         for precision in [Precision::Robust, Precision::Double] {
             for query in [Query::Closest, Query::Any] {
-                let marks = exam.mark(&tree, query, precision);
-                if let Some(first) = marks.first {
-                    return Err(format!("{builder}: {} wrong answers; the first: {first}", marks.disagreements).into());
+                let both =
+                    [("two", exam.mark(&tree, query, precision)), ("eight", exam.mark_wide(&wide, query, precision))];
+                for (width, marks) in both {
+                    if let Some(first) = marks.first {
+                        let wrong = marks.disagreements;
+                        return Err(
+                            format!("{builder}, {width}-wide: {wrong} wrong answers; the first: {first}").into()
+                        );
+                    }
                 }
             }
         }

@@ -16,7 +16,7 @@ pub(crate) enum Extent {
     Quick,
 }
 
-/// Rays of each line of the suite `verify` on a Vulkan device: software ones trace a tenth of what the CPU itself does.
+/// Rays of each line of the suite `verify` on a GPU device: software ones trace a tenth of what the CPU itself does.
 const SOFTWARE_RAYS: u32 = 40_000;
 
 struct Step {
@@ -114,10 +114,12 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     steps.push(command("tests", tests));
     steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
     if setup.software_vulkan || named {
-        let rays = format!("run -p rt-cli -- verify --quick --backend vulkan:0 --rays {SOFTWARE_RAYS}");
-        let mut verify = cargo(&rays);
-        verify.envs(drivers);
-        steps.push(command("promises, Vulkan", verify));
+        for (name, backend) in [("Vulkan", "vulkan:0"), ("wgpu", "wgpu:0")] {
+            let arguments = format!("run -p rt-cli -- verify --quick --backend {backend} --rays {SOFTWARE_RAYS}");
+            let mut verify = cargo(&arguments);
+            verify.envs(drivers.iter().cloned());
+            steps.push(command(&format!("promises, {name}"), verify));
+        }
     }
     Ok(steps)
 }

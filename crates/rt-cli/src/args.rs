@@ -374,7 +374,7 @@ pub(crate) struct PrecisionTradeoffArgs {
     /// Seed of the rays
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u32,
-    /// Folder for precision.json, precision.csv, precision.svg and report.html
+    /// Folder for precision.json, precision.csv, precision.md, precision.svg and report.html
     #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     pub(crate) out: PathBuf,
 }

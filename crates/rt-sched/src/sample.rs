@@ -51,7 +51,7 @@ impl fmt::Display for Fraction {
 /// How sample rays are chosen. Both ways give [`Fraction::of`] distinct rays of each task, in increasing order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RaySampler {
-    /// Equally spaced along the stream's order, from a random start: for coherent rays in Z-curve order, where it
+    /// One at random of each of equally long stretches of the stream's order: for coherent rays in Z-curve order, where it
     /// spreads the sample evenly over the task's piece of the screen.
     Strided,
     /// Random without replacement: for incoherent rays, whose order says nothing about their cost.
@@ -82,18 +82,23 @@ impl RaySampler {
     /// All rays of `task` in an order of which every beginning is a sample, and of which every beginning is the same
     /// for equal arguments: for samples that grow.
     ///
-    /// Strided: the radical inverse of J. van der Corput (1935), turned by a random start, so that each ray falls into
-    /// one of the largest gaps. Random: a keyed permutation (M. Luby and C. Rackoff, *How to Construct Pseudorandom
+    /// Strided: the radical inverse of J. van der Corput (1935) with its digits scrambled (A. Owen, *Randomly Permuted
+    /// (t,m,s)-Nets and (t,s)-Sequences*, 1995), so that the first 2ᵏ rays lie one in each of
+    /// 2ᵏ stretches, each at its own place there. Random: a keyed permutation (M. Luby and C. Rackoff, *How to Construct Pseudorandom
     /// Permutations*, 1988: four Feistel rounds), cut down to the task's rays.
     pub fn order(self, task: Task, seed: u32) -> impl Iterator<Item = u32> {
         let rays = u64::from(task.rays);
         let half = (64 - rays.saturating_sub(1).leading_zeros()).div_ceil(2).max(1);
         let bits = 2 * half;
         let domain = if task.rays == 0 { 0 } else { 1_u64 << bits };
-        let start = u64::from(random::below(task.rays, seed, task.first, DIMENSION));
+        // Not of stretches: one across the task's two ends would have rays of both.
+        let start = match self {
+            Self::Strided => 0,
+            Self::Random => u64::from(random::below(task.rays, seed, task.first, DIMENSION)),
+        };
         let key = [seed, task.first];
         let place = move |i: u64| match self {
-            Self::Strided => i.reverse_bits() >> (64 - bits),
+            Self::Strided => scrambled(i as u32, key).reverse_bits() as u64 >> (32 - bits),
             Self::Random => permuted(i, half, key),
         };
         (0..domain)
@@ -101,6 +106,18 @@ impl RaySampler {
             .filter(move |&place| place < rays)
             .map(move |place| task.first + ((place + start) % rays) as u32)
     }
+}
+
+/// Numbers of which each bit is flipped or not as the bits below it say: Owen's scrambling of reversed digits, by the hash of
+/// S. Laine and T. Karras, *Stratified Sampling for Stochastic Transparency* (2011). A permutation of the numbers below
+/// any power of two, once the bits above are dropped.
+fn scrambled(i: u32, key: [u32; 2]) -> u32 {
+    let [mix, ..] = random::pcg3d([key[0], key[1], DIMENSION]);
+    let mut x = i.wrapping_add(mix);
+    for even in [0x6c50_b47c_u32, 0xb82f_1e52, 0xc7af_e638, 0x8d22_f6e6] {
+        x ^= x.wrapping_mul(even);
+    }
+    x
 }
 
 /// A permutation of `0 .. 4^half`, another for each key.
@@ -114,11 +131,23 @@ fn permuted(i: u64, half: u32, key: [u32; 2]) -> u64 {
     u64::from(left) << half | u64::from(right)
 }
 
-/// Rays `⌊(i · rays + start) / count⌋`: the step `rays / count` is at least 1, so they are distinct.
+/// One ray at random of each stretch `⌊(i · rays + start) / count⌋ ..`, where the random start decides which stretches are
+/// a ray longer, if any are: then chances are only nearly equal.
+///
+/// Stratified sampling with one ray a stratum, not systematic sampling (W. Cochran, *Sampling Techniques*, 1977, chapters 5A
+/// and 8): equal steps are off by the same part of a step everywhere. Where costs rise across a task that is an error which
+/// more samples do not average out and their differences do not show: 95% intervals of 1 in 8 primary rays held in 77 to
+/// 92% of the tasks of real scenes.
 fn strided(task: Task, count: u32, seed: u32, out: &mut Vec<u32>) {
-    let start = u64::from(random::below(task.rays, seed, task.first, DIMENSION));
+    // Below `count`, so that the first stretch begins and the last one ends with the task.
+    let start = u64::from(random::below(count, seed, task.first, DIMENSION));
     let [rays, n] = [task.rays, count].map(u64::from);
-    out.extend((0..n).map(|i| task.first + ((i * rays + start) / n) as u32));
+    let border = |i: u64| ((i * rays + start) / n) as u32;
+    out.extend((0..n).map(|i| {
+        let first = task.first + border(i);
+        // Not empty: there are no more samples than rays.
+        first + random::below(border(i + 1) - border(i), seed, first, DIMENSION + 1)
+    }));
 }
 
 /// R. Floyd's sampling without replacement (J. Bentley and R. Floyd, *Programming Pearls: A Sample of Brilliance*,
@@ -155,21 +184,36 @@ mod tests {
         assert_eq!(Fraction::new(0.125), Some(Fraction::EIGHTH));
     }
 
-    /// Over many seeds every ray is chosen equally often.
+    /// Over many seeds every ray is chosen equally often, nearly so where stretches differ in length.
     ///
     /// Mutants: `below(last, …)` in `random`; `start` fixed to 0 in `strided`.
     #[test]
     fn every_ray_has_the_same_chance() {
         let task = Task { first: 1_000, rays: 20 };
-        for sampler in SAMPLERS {
+        for (sampler, count) in [(SAMPLERS[0], 5), (SAMPLERS[1], 5), (SAMPLERS[0], 7)] {
             let mut times = [0_u32; 20];
             for seed in 0..8_000 {
                 let mut rays = Vec::new();
-                sampler.sample(task, Fraction::new(0.25).expect("valid"), seed, &mut rays);
+                sampler.sample(task, Fraction::new(f64::from(count) / 20.0).expect("valid"), seed, &mut rays);
                 rays.iter().for_each(|ray| times[(ray - 1_000) as usize] += 1);
             }
-            // 2,000 expected, 6 standard deviations of 39.
-            assert!(times.iter().all(|t| t.abs_diff(2_000) < 234), "{sampler:?} {times:?}");
+            // 6 standard deviations of a binomial number, at most 43.
+            assert!(times.iter().all(|t| t.abs_diff(400 * count) < 258), "{sampler:?}, {count}: {times:?}");
+        }
+    }
+
+    /// Mutant: the same place in every stretch.
+    #[test]
+    fn strided_samples_do_not_repeat_at_equal_steps() {
+        let task = Task { first: 0, rays: 1_024 };
+        let mut sample = Vec::new();
+        RaySampler::Strided.sample(task, Fraction::EIGHTH, 3, &mut sample);
+        let order: Vec<u32> = RaySampler::Strided.order(task, 3).take(128).collect();
+        for rays in [sample, order] {
+            let mut places = [0; 8];
+            rays.iter().for_each(|ray| places[(ray % 8) as usize] += 1);
+            // 16 expected, 5 standard deviations of 3.7.
+            assert!(places.iter().all(|&n: &i32| (1..35).contains(&n)), "{places:?}");
         }
     }
 

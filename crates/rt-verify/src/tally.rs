@@ -40,7 +40,7 @@ impl Tally {
     pub(crate) fn refuse(&mut self, refusal: &Refusal, trials: usize) {
         match refusal {
             Refusal::Unsupported(reason) => self.note.clone_from(reason),
-            Refusal::Broken(reason) => {
+            Refusal::OutOfMemory(reason) | Refusal::Broken(reason) => {
                 self.trials += trials as u64;
                 self.failures += trials as u64;
                 self.first.get_or_insert_with(|| reason.clone());

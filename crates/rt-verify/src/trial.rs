@@ -32,6 +32,8 @@ pub fn clock() -> Duration {
 pub(crate) enum Refusal {
     /// It cannot do such things at all, and says so.
     Unsupported(String),
+    /// It has no room for so much, and says so: no answer, but a fair one to a scene of gigabytes.
+    OutOfMemory(String),
     /// It failed.
     Broken(String),
 }
@@ -40,6 +42,7 @@ impl From<DeviceError> for Refusal {
     fn from(error: DeviceError) -> Self {
         match error.kind() {
             DeviceErrorKind::Unsupported => Self::Unsupported(error.to_string()),
+            DeviceErrorKind::OutOfMemory => Self::OutOfMemory(error.to_string()),
             kind => Self::Broken(format!("{kind:?}: {error}")),
         }
     }

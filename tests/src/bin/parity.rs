@@ -6,12 +6,12 @@
 //!
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
-//! another of the admitted answers than a tree; wrong answers, over all builders, both careful precisions and both
-//! queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
+//! another of the admitted answers than a tree; wrong answers, over all builders, both layouts, both careful precisions
+//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
 //! kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
 #![forbid(unsafe_code)]
 
-use rt_bvh::Builder;
+use rt_bvh::{Builder, WideTree};
 use rt_core::{Device, Precision, Query, StreamSpec};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
@@ -105,12 +105,14 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let (mut hits, mut wrong, mut other) = (0, 0, 0);
     for &builder in Builder::ALL {
         let tree = tree::build(&triangles, builder)?;
+        let wide = WideTree::new(&tree);
         for precision in [Precision::Robust, Precision::Double] {
             for query in [Query::Closest, Query::Any] {
-                let marks = exam.mark(&tree, query, precision);
-                (hits, wrong, other) = (marks.hits, wrong + marks.disagreements, other.max(marks.other_choices));
-                if let Some(first) = marks.first {
-                    eprintln!("{}, {builder}, {precision:?}: {first}", scene.name);
+                for marks in [exam.mark(&tree, query, precision), exam.mark_wide(&wide, query, precision)] {
+                    (hits, wrong, other) = (marks.hits, wrong + marks.disagreements, other.max(marks.other_choices));
+                    if let Some(first) = marks.first {
+                        eprintln!("{}, {builder}, {precision:?}: {first}", scene.name);
+                    }
                 }
             }
         }
@@ -156,7 +158,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
         "random": ambiguity.random,
         "random_ties": ambiguity.random_ties,
         "random_doubtful": ambiguity.random_doubtful,
-        "ours": { "trees": Builder::ALL.len(), "other_choices": other, "wrong": wrong },
+        "ours": { "trees": 2 * Builder::ALL.len(), "other_choices": other, "wrong": wrong },
         "single_precision": reports,
     });
     Ok((wrong, report))

@@ -2,8 +2,8 @@
 //! docs/results/robustness.md.
 //!
 //! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE]
-//! [--json FILE] [--limit SECONDS]`: Vulkan devices through the system's loader, Embree as the environment variable `RAYBALANCE_EMBREE` or
-//! the system has it; what is missing is said and left out. `--only` keeps the tracers whose name contains the word.
+//! [--json FILE] [--limit SECONDS]`: the first device of Vulkan and of wgpu through the system's loader, Embree as the
+//! environment variable `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose name contains the word.
 //! `--markdown` replaces what the file has between its two marker lines.
 //!
 //! Every case of every tracer runs in a process of its own, since some tracers abort or hang: that is a result too.
@@ -11,6 +11,7 @@
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::{Options as VulkanOptions, VulkanDevice};
+use backend_wgpu::{Options as WgpuOptions, WgpuDevice};
 use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Precision};
 use rt_scene::builtin;
@@ -18,7 +19,7 @@ use rt_tests::peers;
 use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::Arc;
@@ -108,13 +109,9 @@ fn arguments() -> Result<Arguments, String> {
     Ok(found)
 }
 
-/// Every tracer that is here; says what is missing if asked to.
-fn contenders(tell: bool) -> Result<Vec<Contender>, String> {
-    let missing = |reason: String| {
-        if tell {
-            eprintln!("left out: {reason}");
-        }
-    };
+/// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for it in
+/// vain.
+fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>), String> {
     let cpu = CpuDevice::open_all(&[0]).map_err(|e| e.to_string())?.pop().ok_or("no CPU device")?;
     let cpu: Arc<dyn Device> = Arc::new(cpu);
     let own =
@@ -122,30 +119,55 @@ fn contenders(tell: bool) -> Result<Vec<Contender>, String> {
     let mut all: Vec<Contender> = [Precision::Robust, Precision::Double, Precision::Fast]
         .map(|precision| own(format!("CPU, {}", precision.name()), Arc::clone(&cpu), precision))
         .into();
-    // One of several alike is enough: software Vulkan is set up as three.
-    let vulkan = VulkanDevice::enumerate(VulkanOptions::default()).map_err(|e| e.to_string());
-    match vulkan.map(|devices| devices.into_iter().find_map(Result::ok)) {
-        Ok(Some(device)) => {
-            let name = format!("Vulkan ({}), robust", device.info().name);
-            all.push(own(name, Arc::new(device), Precision::Robust));
+    let mut missing = Vec::new();
+    for (api, open) in [("Vulkan", vulkan as fn() -> Opened), ("wgpu", wgpu)] {
+        if wanted.is_some_and(|name| !name.starts_with(api)) {
+            continue;
         }
-        Ok(None) => missing("Vulkan: no device can be used".to_owned()),
-        Err(reason) => missing(format!("Vulkan: {reason}")),
+        match open() {
+            Ok(device) => all.push(own(format!("{api} ({}), robust", device.info().name), device, Precision::Robust)),
+            Err(reason) => missing.push(format!("{api}: {reason}")),
+        }
     }
-    let (peers, reasons) = peers::all();
-    reasons.into_iter().for_each(missing);
+    let (peers, mut reasons) = peers::all();
+    missing.append(&mut reasons);
     all.extend(
         peers.into_iter().map(|device| Contender { name: device.info().name.clone(), subject: Subject::peer(device) }),
     );
-    Ok(all)
+    Ok((all, missing))
+}
+
+/// A device, or why there is none.
+type Opened = Result<Arc<dyn Device>, String>;
+
+fn vulkan() -> Opened {
+    first(VulkanDevice::enumerate(VulkanOptions::default()).map_err(|e| e.to_string())?)
+}
+
+fn wgpu() -> Opened {
+    first(WgpuDevice::enumerate(WgpuOptions::default()).map_err(|e| e.to_string())?)
+}
+
+/// The first that can be used. One of several alike is enough: software Vulkan is set up as three.
+fn first<D: Device + 'static, E: Display>(devices: Vec<Result<D, E>>) -> Opened {
+    let mut reason = "no device".to_owned();
+    for device in devices {
+        match device {
+            Ok(device) => return Ok(Arc::new(device)),
+            Err(e) => reason = e.to_string(),
+        }
+    }
+    Err(reason)
 }
 
 fn run(arguments: &Arguments) -> Result<(), String> {
-    let mut contenders = contenders(arguments.task.is_none())?;
+    let wanted = arguments.task.as_ref().map(|(name, _)| name.as_str());
+    let (mut contenders, missing) = contenders(wanted)?;
     if let Some((name, case)) = &arguments.task {
         let contender = contenders.iter().find(|c| c.name == *name).ok_or_else(|| format!("no tracer {name}"))?;
         return print_case(&arguments.options, contender, case);
     }
+    missing.iter().for_each(|reason| eprintln!("left out: {reason}"));
     contenders.retain(|c| arguments.only.as_ref().is_none_or(|word| c.name.contains(word.as_str())));
     let reports = contenders.iter().map(|c| examine(arguments, &c.name)).collect::<Result<Vec<_>, _>>()?;
     let tables = tables(&arguments.options, &reports)?;

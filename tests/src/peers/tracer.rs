@@ -11,10 +11,14 @@ use rt_core::{
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// Launches that may be in flight: as many as our own devices take.
 pub(super) const IN_FLIGHT: u32 = 2;
+
+/// The longest that dropping a tracer waits for a launch that nobody waits for any more.
+const LAST_LAUNCH: Duration = Duration::from_secs(10);
 
 /// One scene in another tracer's hands.
 pub(super) trait Peer {
@@ -38,6 +42,9 @@ type Traced = (Vec<Hit>, Span);
 #[derive(Debug)]
 pub(super) struct PeerTracer {
     jobs: Sender<Job>,
+    thread: Option<JoinHandle<()>>,
+    /// Disconnected when the thread has nothing left to do.
+    alive: Receiver<()>,
     rays: u32,
     in_flight: VecDeque<(Ticket, Receiver<Result<Traced, String>>)>,
     next_ticket: u64,
@@ -51,23 +58,27 @@ impl PeerTracer {
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
         let (ready, made) = channel();
+        let (living, alive) = channel();
         let thread = std::thread::Builder::new().name("rt-peer".to_owned());
-        // Detached: dropping the tracer closes the channel, and the thread ends after its launch.
-        let started = thread.spawn(move || match make() {
-            Ok(peer) => {
-                let told = ready.send(Ok(()));
-                drop(ready);
-                if told.is_ok() {
-                    Worker { peer, clock, source: nothing(), query: Query::Closest }.run(&inbox);
+        let started = thread.spawn(move || {
+            // Dropped when all else is.
+            let _living: Sender<()> = living;
+            match make() {
+                Ok(peer) => {
+                    let told = ready.send(Ok(()));
+                    drop(ready);
+                    if told.is_ok() {
+                        Worker { peer, clock, source: nothing(), query: Query::Closest }.run(&inbox);
+                    }
                 }
+                Err(reason) => drop(ready.send(Err(reason))),
             }
-            Err(reason) => drop(ready.send(Err(reason))),
         });
-        started.map_err(|e| {
+        let thread = started.map_err(|e| {
             error(DeviceErrorKind::OutOfMemory, "the system cannot start another thread").with_source(e)
         })?;
         made.recv().map_err(|_| lost())?.map_err(|reason| error(DeviceErrorKind::OutOfMemory, reason))?;
-        Ok(Self { jobs, rays: 0, in_flight: VecDeque::new(), next_ticket: 0 })
+        Ok(Self { jobs, thread: Some(thread), alive, rays: 0, in_flight: VecDeque::new(), next_ticket: 0 })
     }
 
     /// Has a job done and waits for its answer.
@@ -75,6 +86,19 @@ impl PeerTracer {
         let (reply, answer) = channel();
         self.jobs.send(job(reply)).map_err(|_| lost())?;
         answer.recv().map_err(|_| lost())?.map_err(failed)
+    }
+}
+
+impl Drop for PeerTracer {
+    /// Waits for the thread to release what it holds of the other library: a process that ends meanwhile takes that
+    /// library apart under it, which was seen to crash and to hang with Embree. A peer that hangs itself is left behind.
+    fn drop(&mut self) {
+        // Closes the channel of jobs, so that the thread ends after its launch.
+        drop(std::mem::replace(&mut self.jobs, channel().0));
+        if self.alive.recv_timeout(LAST_LAUNCH) == Err(RecvTimeoutError::Disconnected) {
+            // Its panic was told as a lost device.
+            drop(self.thread.take().map(JoinHandle::join));
+        }
     }
 }
 

@@ -14,7 +14,8 @@ use rt_core::{CostEstimator, Observation, RayStream, ReducedWalk, Step, Walk, Wo
 /// without replacement (W. Cochran, *Sampling Techniques*, 1977, 2.6), for strided ones from successive differences
 /// (K. Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2), both
 /// with the finite population correction. Both borrow from the samples around them, so that a sample that met no dear
-/// ray does not claim to be certain; there is none where the whole stream has too few.
+/// ray does not claim to be certain; there is none where the whole stream has too few. How often intervals hold on real
+/// scenes: docs/results/robustness.md.
 #[derive(Clone, Debug)]
 pub struct Sampled {
     walk: Walk,

@@ -4,7 +4,7 @@ use crate::Promise;
 use crate::report::Row;
 use crate::suite::Stopped;
 use crate::tally::Tally;
-use crate::trial::Trial;
+use crate::trial::{Refusal, Trial};
 use glam::Vec3;
 use rt_bvh::{BuildError, BuildOptions, Built, InvalidTriangles, Mesh};
 use rt_core::{Hit, MAX_DEPTH, Query, Ray, random};
@@ -174,8 +174,8 @@ fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built) -> Option<Str
     for query in [Query::Closest, Query::Any] {
         let hits = match trial.trace(&scene, &rays, query) {
             Ok(hits) => hits,
-            Err(crate::trial::Refusal::Unsupported(_)) => return None,
-            Err(crate::trial::Refusal::Broken(reason)) => return Some(reason),
+            Err(Refusal::Unsupported(_)) => return None,
+            Err(Refusal::OutOfMemory(reason) | Refusal::Broken(reason)) => return Some(reason),
         };
         let sane = |hit: &Hit, ray: &Ray| {
             *hit == Hit::MISS

@@ -4,7 +4,7 @@ use super::built;
 use crate::report::Row;
 use crate::suite::{Extent, Stopped};
 use crate::tally::Tally;
-use crate::trial::Trial;
+use crate::trial::{Refusal, Trial};
 use crate::{Promise, shapes, tree};
 use glam::Vec3;
 use rt_bvh::{BuildOptions, Mesh};
@@ -121,6 +121,7 @@ fn built_for_real(trial: &Trial<'_>) -> Row {
         Ok(hits) => hits.iter().zip(&ids).for_each(|(hit, id)| {
             tally.check(hit.primitive == *id, || format!("{hit:?}, not {id}"));
         }),
+        Err(Refusal::OutOfMemory(reason)) => tally.note(reason),
         Err(refusal) => tally.refuse(&refusal, rays.len()),
     }
     tally.row()

@@ -103,17 +103,22 @@ fn a_stream_that_was_abandoned_is_begun_anew() {
     }
 }
 
-/// Share of 1,000 trials in which the 95% interval holds the truth.
+/// Share of 4,000 trials in which the 95% interval holds the truth.
 fn coverage(kind: StreamKind, fraction: f64, counts: &dyn Fn(u32) -> TestCounts) -> f64 {
+    const SEEDS: u32 = 4;
     let fraction = Fraction::new(fraction).expect("valid");
     let tasks = tasks_of(1_024 * 1_000, 1_024);
-    let mut estimator = Sampled::new(Walk::Full, fraction);
-    let (work, _) = estimate(&mut estimator, stream(kind, &tasks, 11), counts);
-    let holds = |(task, work): &(&Task, &Work)| {
-        let half = interval_95(work, fraction.of(1_024)).expect("enough samples");
-        (f64::from(work.tests()) - truth(**task, counts)).abs() <= half
-    };
-    tasks.iter().zip(&work).filter(holds).count() as f64 / 1_000.0
+    let truths: Vec<f64> = tasks.iter().map(|task| truth(*task, counts)).collect();
+    let held = (0..SEEDS).map(|seed| {
+        let mut estimator = Sampled::new(Walk::Full, fraction);
+        let (work, _) = estimate(&mut estimator, stream(kind, &tasks, seed), counts);
+        let holds = |(truth, work): &(&f64, &Work)| {
+            let half = interval_95(work, fraction.of(1_024)).expect("enough samples");
+            (f64::from(work.tests()) - **truth).abs() <= half
+        };
+        truths.iter().zip(&work).filter(holds).count()
+    });
+    held.sum::<usize>() as f64 / (tasks.len() * SEEDS as usize) as f64
 }
 
 /// Mutants: no finite population correction (fails at one half), the normal quantile instead of Student's (at 8
@@ -125,6 +130,27 @@ fn intervals_hold_what_they_say() {
         assert!((0.93..=0.97).contains(&random), "random, {fraction}: {random}");
         let strided = coverage(StreamKind::Primary, fraction, &primary);
         assert!(strided >= 0.93, "strided, {fraction}: {strided}");
+    }
+}
+
+/// What real scenes have: costs that rise across a task, and few dear rays among many cheap ones, more in some tasks than in
+/// others.
+///
+/// Mutants: strided samples at equal steps; random samples without the floor, or with the narrow window, of their
+/// neighbourhood.
+#[test]
+fn intervals_hold_for_slopes_and_rare_dear_rays() {
+    let slope = |ray: u32| TestCounts { boxes: 100 + ray % 1_024 + random::below(40, 3, ray, 0), triangles: 2 };
+    let rare = |ray: u32| {
+        let one_in = 10 + ray / 1_024 / 100;
+        let dear = random::below(one_in, 4, ray, 0) == 0;
+        TestCounts { boxes: if dear { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
+    };
+    for samples in [16.0, 32.0, 128.0] {
+        let strided = coverage(StreamKind::Primary, samples / 1_024.0, &slope);
+        assert!(strided >= 0.93, "slope, {samples}: {strided}");
+        let random = coverage(StreamKind::Diffuse(0), samples / 1_024.0, &rare);
+        assert!(random >= 0.93, "rare dear rays, {samples}: {random}");
     }
 }
 

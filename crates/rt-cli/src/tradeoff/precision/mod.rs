@@ -1,11 +1,13 @@
 //! `raybalance tradeoff precision`: what robust hits cost, and what fast ones get wrong.
 
+mod write;
+
 use super::streams::{Kind, STREAMS, reference, streams};
 use crate::args::{PrecisionTradeoffArgs, SceneArgs};
 use crate::chart::precision::{self as chart, Front, Point};
 use crate::html::Page;
 use crate::scene_source::{Prepared, prepare};
-use crate::table::{Table, grouped, seconds};
+use crate::table::seconds;
 use crate::{devices, interrupt, output, progress};
 use anyhow::{Context, Result, bail};
 use rt_balance::stats::Summary;
@@ -13,7 +15,6 @@ use rt_core::{Device, Hit, Launch, Precision, Ray, RaySource, Scene, StreamSpec,
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
-use std::io::Write;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -92,7 +93,8 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, budget: Option<Duration>, page: 
     };
     let json = args.out.join("precision.json");
     output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
-    output::write_atomically(&args.out.join("precision.csv"), |file| write_csv(file, &report.rows))?;
+    output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
+    output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
     let svg = chart::to_svg(&fronts(&report))?;
     output::write_atomically(&args.out.join("precision.svg"), |file| Ok(file.write_all(svg.as_bytes())?))?;
     page.section("Speed against wrong answers");
@@ -101,7 +103,7 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, budget: Option<Duration>, page: 
         "Wrong answers per million rays against million rays per second, for three precisions and every kind of rays",
         "Wrong: misses, hits and triangles that are not those of double precision. Bars are 95% intervals.",
     );
-    for (title, table) in tables(&report.rows) {
+    for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
         println!("\n{title}\n\n{table}");
     }
@@ -231,96 +233,6 @@ fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec, tasks: 
     let mut launch = Launch::default();
     tracer.wait(ticket, LIMIT, &mut launch)?;
     Ok(launch)
-}
-
-fn write_csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
-    writeln!(
-        file,
-        "scene,triangles,device,backend,rays,precision,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
-         time_over_fast_high,rays_compared,false_miss_ppm,false_miss_ppm_low,false_miss_ppm_high,false_hit_ppm,other_id_ppm,\
-         t_ulp_p50,t_ulp_p99,t_ulp_max,exact_rays,exact_ambiguous,exact_wrong"
-    )?;
-    // Names may hold commas.
-    let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
-    for row in rows {
-        let a = &row.accuracy;
-        let interval = |m: &Summary| format!("{:.6},{:.6},{:.6}", m.median, m.low, m.high);
-        let ulp = a.t_ulp.map_or_else(|| ",,".to_owned(), |u| format!("{:.3},{:.3},{:.3}", u.p50, u.p99, u.max));
-        let [low, high] = a.false_misses.bounds_ppm;
-        writeln!(
-            file,
-            "{},{},{},{},{},{},{},{},{},{:.4},{low:.4},{high:.4},{:.4},{:.4},{ulp},{},{},{}",
-            quoted(&row.scene),
-            row.triangles,
-            quoted(&row.device),
-            row.backend,
-            row.rays,
-            row.precision,
-            interval(&row.mray_s),
-            interval(&row.time_over_fast),
-            a.rays,
-            a.false_misses.ppm,
-            a.false_hits.ppm,
-            a.other_ids.ppm,
-            row.exact.rays,
-            row.exact.ambiguous,
-            row.exact.wrong.count + row.exact.wrong_ambiguous,
-        )?;
-    }
-    Ok(())
-}
-
-/// A table for each scene and device, with its title.
-fn tables(rows: &[Row]) -> Vec<(String, Table)> {
-    let mut tables: Vec<(String, Table)> = Vec::new();
-    for row in rows {
-        let title = format!("{}, {} triangles, on {}", row.scene, grouped(row.triangles as u64), row.device);
-        if tables.last().is_none_or(|(last, _)| *last != title) {
-            tables.push((title, new_table()));
-        }
-        let Some((_, table)) = tables.last_mut() else { continue };
-        let a = &row.accuracy;
-        let ulp = |u: f64| if u < 100.0 { format!("{u:.2}") } else { grouped(u.round() as u64) };
-        let exact = &row.exact;
-        table.row(vec![
-            row.rays.to_owned(),
-            row.precision.to_owned(),
-            format!("{:.2}", row.mray_s.median),
-            format!("{:.3}", row.time_over_fast.median),
-            format!("{:.3} – {:.3}", row.time_over_fast.low, row.time_over_fast.high),
-            ppm(a.false_misses.ppm),
-            format!("{} – {}", ppm(a.false_misses.bounds_ppm[0]), ppm(a.false_misses.bounds_ppm[1])),
-            ppm(a.false_hits.ppm),
-            ppm(a.other_ids.ppm),
-            a.t_ulp.map_or_else(|| "–".to_owned(), |u| [u.p50, u.p99, u.max].map(ulp).join(" / ")),
-            format!("{} of {}", exact.wrong.count + exact.wrong_ambiguous, exact.rays),
-        ]);
-    }
-    tables
-}
-
-fn new_table() -> Table {
-    Table::new(&[
-        "rays",
-        "precision",
-        "Mray/s",
-        "time/fast",
-        "95%",
-        "false miss ppm",
-        "95%",
-        "false hit",
-        "other id",
-        "t ulp p50/p99/max",
-        "exactly wrong",
-    ])
-}
-
-fn ppm(ppm: f64) -> String {
-    match ppm {
-        0.0 => "0".to_owned(),
-        ppm if ppm >= 100.0 => grouped(ppm.round() as u64),
-        ppm => format!("{ppm:.2}"),
-    }
 }
 
 /// A panel for each scene and device.

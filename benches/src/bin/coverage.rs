@@ -1,0 +1,275 @@
+//! How often 95% intervals of estimates hold on real scenes: promise 10, the table of docs/results/robustness.md.
+//!
+//! `cargo run --release -p rt-benches --bin coverage -- SCENE... [--size 512x512] [--task-size 1024] [--trials 200]
+//! [--seed 1] [--only NAME,...]`; a scene is `yard`, `car` or an OBJ file.
+//!
+//! Every ray's tests are counted once; then each estimator is asked again and again, with another seed each time, and
+//! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or does
+//! not. Nothing is timed, so neither the machine nor its load matters. Tasks that were walked in full, and are certain, are
+//! left out.
+//!
+//! Columns: samples of a task, on average; trials; share of the trials whose interval holds; the same over trials whose
+//! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals
+//! hold in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative
+//! to the task's tests, in the median.
+#![forbid(unsafe_code)]
+
+use rayon::prelude::*;
+use rt_benches::BenchScene;
+use rt_bvh::Stack;
+use rt_core::{
+    CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step, StreamKind,
+    StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
+};
+use rt_sched::estimate::{Adaptive, Auto, Field, Sampled, interval_95};
+use rt_sched::sample::Fraction;
+use std::error::Error;
+
+/// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
+const LEAST_OF_A_TASK: f64 = 0.9;
+
+/// Relative rounding of [`Work`]'s single precision, by which an interval of width 0 may miss.
+const ROUNDING: f64 = 1e-6;
+
+/// Streams of the same rays that a warm estimator has seen before the one that is judged.
+const WARMING: u32 = 2;
+
+struct Options {
+    scenes: Vec<String>,
+    size: [u32; 2],
+    task_size: u32,
+    trials: u32,
+    seed: u32,
+    only: Vec<String>,
+}
+
+/// An estimator to be tried.
+struct Case {
+    name: String,
+    make: Box<dyn Fn() -> Box<dyn CostEstimator> + Sync>,
+    /// What its estimates are to be compared with.
+    walk: Walk,
+    /// Streams that it sees first.
+    warming: u32,
+}
+
+/// Rays with the tests of each.
+struct Stream {
+    kind: StreamKind,
+    source: RaySource,
+    tasks: Vec<Task>,
+    full: Vec<TestCounts>,
+    reduced: Vec<TestCounts>,
+}
+
+/// What the trials of one estimator showed.
+#[derive(Clone, Default)]
+struct Outcome {
+    /// Trials of each task, and those whose interval holds.
+    trials: Vec<[u32; 2]>,
+    samples: u64,
+    /// Half the interval over the task's tests.
+    widths: Vec<f32>,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    println!("command: coverage {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    println!(
+        "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 90% | ± % |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    let cases = cases(&options);
+    for name in &options.scenes {
+        let scene = BenchScene::open(name)?;
+        let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
+        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
+        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene;
+        for (label, source, _) in scene.streams(&built, options.size)? {
+            let kind = match label {
+                "primary" => StreamKind::Primary,
+                "diffuse" => StreamKind::Diffuse(0),
+                _ => continue,
+            };
+            let stream = Stream::new(&built, kind, source, options.task_size);
+            for case in &cases {
+                let outcome = (0..options.trials)
+                    .into_par_iter()
+                    .map(|trial| case.trial(&stream, options.seed.wrapping_add(trial * (WARMING + 1))))
+                    .reduce(Outcome::default, Outcome::plus);
+                print(&scene.name, &stream, case, outcome);
+            }
+        }
+    }
+    Ok(())
+}
+
+impl Options {
+    fn parse() -> Result<Self, Box<dyn Error>> {
+        let mut options =
+            Self { scenes: Vec::new(), size: [512; 2], task_size: 1024, trials: 200, seed: 1, only: Vec::new() };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            match argument.as_str() {
+                "--size" => {
+                    let text = value()?;
+                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
+                    options.size = [width.parse()?, height.parse()?];
+                }
+                "--task-size" => options.task_size = value()?.parse::<u32>()?.max(1),
+                "--trials" => options.trials = value()?.parse::<u32>()?.max(1),
+                "--seed" => options.seed = value()?.parse()?,
+                "--only" => options.only = value()?.split(',').map(str::to_owned).collect(),
+                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
+                other => return Err(format!("unknown option {other}").into()),
+            }
+        }
+        if options.scenes.is_empty() {
+            return Err("name a scene: yard, car, or OBJ files".into());
+        }
+        Ok(options)
+    }
+}
+
+/// Every estimator with errors of its own.
+fn cases(options: &Options) -> Vec<Case> {
+    let reduced = Walk::Reduced(ReducedWalk::LeafAsHit);
+    let mut cases = Vec::new();
+    let mut add = |name: String, make: Box<dyn Fn() -> Box<dyn CostEstimator> + Sync>, walk, warming| {
+        cases.push(Case { name, make, walk, warming });
+    };
+    for fraction in [Fraction::EIGHTH, Fraction::SIXTY_FOURTH] {
+        let label = |name: &str| format!("{name} 1/{:.0}", 1.0 / fraction.value());
+        add(label("exact"), Box::new(move || Box::new(Sampled::new(Walk::Full, fraction))), Walk::Full, 0);
+        add(label("reduced"), Box::new(move || Box::new(Sampled::new(reduced, fraction))), reduced, 0);
+        add(label("field"), Box::new(move || Box::new(Field::new(fraction))), Walk::Full, 0);
+        add(label("field, warm,"), Box::new(move || Box::new(Field::new(fraction))), Walk::Full, WARMING);
+    }
+    add("adaptive".to_owned(), Box::new(|| Box::<Adaptive>::default()), Walk::Full, 0);
+    add("auto".to_owned(), Box::new(|| Box::<Auto>::default()), Walk::Full, 0);
+    let asked = |case: &Case| options.only.is_empty() || options.only.iter().any(|only| case.name.starts_with(only));
+    cases.into_iter().filter(asked).collect()
+}
+
+impl Stream {
+    fn new(scene: &Scene, kind: StreamKind, source: RaySource, task_size: u32) -> Self {
+        let rays: Vec<(Ray, u32)> = (0..source.len()).map(|i| source.ray(i)).collect();
+        let spec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
+        let count = |walk: Walk| -> Vec<TestCounts> {
+            let of_some = |rays: &[(Ray, u32)]| {
+                let (mut stack, mut counts) = (Stack::for_scene(scene), Vec::with_capacity(rays.len()));
+                let rays = rays.iter().copied();
+                match walk {
+                    Walk::Full => rt_bvh::trace(scene, &mut stack, spec, rays, |_, c| counts.push(c)),
+                    walk => rt_bvh::count(scene, &mut stack, walk, Precision::Robust, rays, |_, c| counts.push(c)),
+                }
+                counts
+            };
+            rays.par_chunks(4096).flat_map_iter(of_some).collect()
+        };
+        let (full, reduced) = (count(Walk::Full), count(Walk::Reduced(ReducedWalk::LeafAsHit)));
+        Self { kind, tasks: tasks_of(source.len(), task_size), source, full, reduced }
+    }
+
+    fn counts(&self, walk: Walk) -> &[TestCounts] {
+        if walk == Walk::Full { &self.full } else { &self.reduced }
+    }
+
+    /// Tests of each ray of a task.
+    fn tests(&self, task: &Task, walk: Walk) -> impl Iterator<Item = u64> {
+        let counts = &self.counts(walk)[task.first as usize..(task.first + task.rays) as usize];
+        counts.iter().map(|c| u64::from(c.boxes) + u64::from(c.triangles))
+    }
+
+    fn differs(&self, task: &Task, walk: Walk) -> bool {
+        let mut tests = self.tests(task, walk);
+        let first = tests.next();
+        tests.any(|other| Some(other) != first)
+    }
+}
+
+impl Case {
+    /// One estimate of every task, judged.
+    fn trial(&self, stream: &Stream, seed: u32) -> Outcome {
+        let mut estimator = (self.make)();
+        for earlier in 0..self.warming {
+            self.estimate(&mut *estimator, stream, seed + earlier);
+        }
+        let (work, samples) = self.estimate(&mut *estimator, stream, seed + self.warming);
+        let mut outcome = Outcome { samples: samples.iter().copied().map(u64::from).sum(), ..Outcome::default() };
+        for ((task, work), &n) in stream.tasks.iter().zip(&work).zip(&samples) {
+            let truth = stream.tests(task, self.walk).sum::<u64>() as f64;
+            let mut seen = [0; 2];
+            if let Some(half) = interval_95(work, n).filter(|_| n < task.rays) {
+                let off = (f64::from(work.tests()) - truth).abs();
+                seen = [1, u32::from(off <= half + ROUNDING * truth)];
+                outcome.widths.push((half / truth.max(1.0)) as f32);
+            }
+            outcome.trials.push(seen);
+        }
+        outcome
+    }
+
+    /// What a driver does, with the counts that are known already. Returns work and number of samples of each task.
+    fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>) {
+        let Stream { kind, source, tasks, .. } = stream;
+        let asked =
+            RayStream { kind: *kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
+        let mut samples = vec![0; tasks.len()];
+        let (mut rays, mut counts) = (Vec::new(), Vec::new());
+        loop {
+            match estimator.next(asked, Observation { rays: &rays, counts: &counts }) {
+                Step::Done(work) => return (work, samples),
+                Step::Sample { rays: wanted, walk } => {
+                    counts = wanted.iter().map(|&ray| stream.counts(walk)[ray as usize]).collect();
+                    for &ray in &wanted {
+                        samples[tasks.partition_point(|task| task.range().end <= ray)] += 1;
+                    }
+                    rays = wanted;
+                }
+            }
+        }
+    }
+}
+
+impl Outcome {
+    fn plus(mut self, mut other: Self) -> Self {
+        if self.trials.is_empty() {
+            return other;
+        }
+        for (own, more) in self.trials.iter_mut().zip(&other.trials) {
+            *own = [own[0] + more[0], own[1] + more[1]];
+        }
+        self.samples += other.samples;
+        self.widths.append(&mut other.widths);
+        self
+    }
+}
+
+fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
+    let percent = |[trials, hold]: [u64; 2]| 100.0 * hold as f64 / trials as f64;
+    let differs: Vec<bool> = stream.tasks.iter().map(|task| stream.differs(task, case.walk)).collect();
+    let sum = |wanted: &dyn Fn(usize) -> bool| {
+        let some = outcome.trials.iter().enumerate().filter(|(i, _)| wanted(*i));
+        some.fold([0_u64; 2], |[n, h], (_, &[trials, hold])| [n + u64::from(trials), h + u64::from(hold)])
+    };
+    let (all, differing) = (sum(&|_| true), sum(&|i| differs[i]));
+    let poor = |[trials, hold]: &&[u32; 2]| f64::from(*hold) < LEAST_OF_A_TASK * f64::from(*trials);
+    let (poor, tasks) = (outcome.trials.iter().filter(poor).count(), outcome.trials.len());
+    let estimates = outcome.samples as f64 / tasks as f64;
+    outcome.widths.sort_unstable_by(f32::total_cmp);
+    let width = outcome.widths.get(outcome.widths.len() / 2).copied().unwrap_or(f32::NAN);
+    // Of each task in each trial, certain ones included.
+    let runs = (outcome.trials.iter().map(|[trials, _]| *trials).max().unwrap_or(0)).max(1);
+    println!(
+        "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} |",
+        stream.kind,
+        case.name,
+        estimates / f64::from(runs),
+        all[0],
+        percent(all),
+        percent(differing),
+        100.0 * width
+    );
+}
