@@ -11,7 +11,7 @@ use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
-use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor};
+use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 /// How to open devices.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,6 +65,8 @@ impl WgpuDevice {
     pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
         let instance = Instance::new(InstanceDescriptor {
             backends: Backends::VULKAN,
+            // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile.
+            flags: InstanceFlags::default().with_env(),
             ..InstanceDescriptor::new_without_display_handle()
         });
         let found = pollster::block_on(instance.enumerate_adapters(Backends::VULKAN));

@@ -44,8 +44,8 @@ const BELIEVABLE: (f64, f64) = (0.1, 10.0);
 const MOST_HOST: f64 = 0.1;
 
 impl WalkPrices {
-    /// The price for a kind; before anything was measured, that of a scalar kernel that finds little in its caches
-    /// (2.5 to 3.3 for coherent rays, whose neighbours are not walked with them; less for incoherent ones).
+    /// The price for a kind; before anything was measured, that of rays that share little with their neighbours: 2.2 to
+    /// 3.3 times a traced ray where rays are coherent, some 1.6 elsewhere (docs/results/sampling.md).
     pub(super) fn of(&self, kind: StreamKind) -> Price {
         let assumed = Price { ray: if kind.is_coherent() { 3.0 } else { 1.5 }, host: 0.0 };
         self.known.iter().find(|(own, _)| *own == kind).map_or(assumed, |(_, price)| *price)
