@@ -19,13 +19,13 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
-    /// kind [`DeviceErrorKind::Lost`] of the next launch that is waited for.
+    /// kind [`rt_core::DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
     /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
     /// one alone does all, and [`Tracer::note`] says so, unless tests are to be counted over the wide one.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
-    /// Whatever does not fit is refused with [`DeviceErrorKind::OutOfMemory`], as it is on a card that is too small.
+    /// Whatever does not fit is refused with [`rt_core::DeviceErrorKind::OutOfMemory`], as on a card that is too small.
     pub memory: Option<u64>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
     pub trouble: Option<Trouble>,
