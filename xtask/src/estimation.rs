@@ -89,7 +89,8 @@ fn scenes(folder: Option<&Path>) -> Result<Vec<PathBuf>> {
     for entry in fs::read_dir(folder).with_context(context)? {
         let path = entry.with_context(context)?.path();
         if path.extension().is_some_and(|extension| extension == "obj") {
-            found.push(path);
+            // Programs run in the root; tables need not say where that is.
+            found.push(path.strip_prefix(root()).map_or_else(|_| path.clone(), Path::to_owned));
         }
     }
     found[2..].sort();
