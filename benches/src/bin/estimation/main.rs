@@ -40,7 +40,6 @@ pub(crate) const LIMIT: Duration = Duration::from_secs(600);
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     let mut results = Vec::new();
-    let mut summary = Vec::new();
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     for name in &options.scenes {
         let scene = BenchScene::open(name)?;
@@ -53,14 +52,9 @@ fn main() -> Result<(), Box<dyn Error>> {
             let mut tracer = device.tracer(Arc::clone(&built), now)?;
             let source = rays(&scene, &options, kind, &mut *tracer)?;
             for &size in &options.task_sizes {
-                let (row, result) = one(&scene.name, &options, &mut *tracer, kind, &source, size)?;
-                summary.extend(row);
-                results.push(result);
+                results.push(one(&scene.name, &options, &mut *tracer, kind, &source, size)?);
             }
         }
-    }
-    if !summary.is_empty() {
-        println!("{}\n{}\n", table::summary_header(), summary.join("\n"));
     }
     if let Some(path) = &options.json {
         let command: Vec<String> = std::env::args().skip(1).collect();
@@ -95,7 +89,7 @@ fn rays(
     Ok(spawner.diffuse(0..hits.len() as u32).into_source().0)
 }
 
-/// One scene, kind of rays and task size: its row of the summary, and all numbers.
+/// One scene, kind of rays and task size.
 fn one(
     scene: &str,
     options: &Options,
@@ -103,7 +97,7 @@ fn one(
     kind: StreamKind,
     source: &RaySource,
     size: u32,
-) -> Result<(Option<String>, Value), Box<dyn Error>> {
+) -> Result<Value, Box<dyn Error>> {
     let tasks = tasks_of(source.len(), size);
     eprintln!("{scene}, {kind}, {} rays in tasks of {size}", source.len());
     let truth = Truth::measure(tracer, source, &tasks, options.passes)?;
@@ -121,6 +115,5 @@ fn one(
         eprintln!("repetition {repetition} of {}", options.repetitions);
     }
     table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes);
-    let row = table::summary_row(scene, kind, &tasks, &truth, &cases, &outcomes);
-    Ok((row, table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes)))
+    Ok(table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes))
 }

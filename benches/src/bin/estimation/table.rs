@@ -81,61 +81,6 @@ pub(crate) fn print(
     println!();
 }
 
-/// Cases that the summary compares.
-const SUMMARISED: [&str; 3] = ["exact 1/64", "reduced 1/8", "auto"];
-
-/// The header of the summary, one row for each scene and kind of rays.
-pub(crate) fn summary_header() -> String {
-    let names = SUMMARISED.map(|name| format!("{name}: net % | counts % | time % | excess %, m = 3 | m = 8"));
-    let columns = 7 + 5 * SUMMARISED.len();
-    format!(
-        "| scene | rays | Mray/s | time repeats to % | counts give time to % | and divergence % | knowing nothing: excess %, \
-         m = 3, m = 8 | {} |\n|{}",
-        names.join(" | "),
-        "---|".repeat(columns)
-    )
-}
-
-/// One row of the summary; empty unless all of its cases were run.
-pub(crate) fn summary_row(
-    scene: &str,
-    kind: StreamKind,
-    tasks: &[Task],
-    truth: &Truth,
-    cases: &[Case],
-    outcomes: &[Vec<Outcome>],
-) -> Option<String> {
-    let of = |name: &str| cases.iter().position(|case| case.name == name).map(|index| &outcomes[index]);
-    let rays: u32 = tasks.iter().map(|task| task.rays).sum();
-    let plain: Vec<f64> = outcomes.iter().flatten().map(|o| o.plain.cpu).collect();
-    let error = |errors: &Option<EstimateErrors>| percent(errors.map(|e| e.mean_relative));
-    let excess = |outcomes: &[Outcome], machine: usize| percent(Some(middle(outcomes, |o| o.excess[machine])));
-    let blind = of("uniform")?;
-    let mut row = format!(
-        "| {scene} | {} | {:.2} | {} | {} | {} | {}, {}",
-        if kind.is_coherent() { "primary" } else { "diffuse" },
-        f64::from(rays) / median(&plain) / 1e6,
-        error(&truth.repeatability),
-        error(&truth.counts_as_time),
-        error(&truth.with_divergence),
-        excess(blind, 0),
-        excess(blind, 1),
-    );
-    for name in SUMMARISED {
-        let own = of(name)?;
-        let net: Vec<f64> = own.iter().map(|o| o.net(|s| s.cpu)).collect();
-        row += &format!(
-            " | {} | {} | {} | {} | {}",
-            percent(Some(median(&net))),
-            percent(mean(own, |o| o.counts.map(|e| e.mean_relative))),
-            percent(mean(own, |o| o.time.map(|e| e.mean_relative))),
-            excess(own, 0),
-            excess(own, 1),
-        );
-    }
-    Some(row + " |")
-}
-
 fn errors(errors: &Option<EstimateErrors>) -> Value {
     errors.as_ref().map_or(
         Value::Null,

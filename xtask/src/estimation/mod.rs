@@ -1,5 +1,7 @@
 //! `cargo xtask estimation`: the measurements behind docs/results/estimation.md, one program after the other.
 
+mod tables;
+
 use crate::command::{cargo, root, run, shown};
 use crate::setup::setup;
 use anyhow::{Context, Result, bail};
@@ -59,7 +61,9 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     let json = out.join("errors.json");
     let mut errors = program("estimation");
     errors.args(&scenes).args(extent.errors).args(["--only", CASES, "--json"]).arg(&json);
-    tables.push_str(&output(&mut errors)?);
+    let full = output(&mut errors)?;
+    let numbers = fs::read_to_string(&json).with_context(|| format!("cannot read `{}`", json.display()))?;
+    tables.push_str(&tables::tables(&numbers)?);
 
     tables.push_str("\n## Makespans\n\n");
     for scene in BALANCED {
@@ -72,6 +76,8 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
         }
     }
     run(program("raybalance").arg("figure1").args(extent.figure).arg("--out").arg(out.join("figure1")))?;
+    tables.push_str("\n## Every scene\n\n");
+    tables.push_str(&full);
     let file = out.join("tables.md");
     fs::write(&file, tables).with_context(|| format!("cannot write `{}`", file.display()))?;
     println!("\ntables in {OUT}/tables.md, raw numbers in errors.json, the figure in figure1");
