@@ -30,8 +30,6 @@ pub(crate) fn asan() -> Result<()> {
     let suppressions = root().join(SUPPRESSIONS);
     tests.env("LSAN_OPTIONS", format!("suppressions={}:print_suppressions=0", suppressions.display()));
     tests.env("RT_REQUIRE", setup.provided.join(","));
-    // In debug builds wgpu names its objects through the validation layer, under which the loader crashed.
-    tests.env("WGPU_DEBUG", "0").env("WGPU_VALIDATION", "0");
     // Real scenes bring no other calls, and take long.
     tests.env_remove("RAYBALANCE_SCENES");
     if let Some(library) = &setup.embree {

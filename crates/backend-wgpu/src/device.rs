@@ -65,8 +65,10 @@ impl WgpuDevice {
     pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
         let instance = Instance::new(InstanceDescriptor {
             backends: Backends::VULKAN,
-            // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile.
-            flags: InstanceFlags::default().with_env(),
+            // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile. But objects get no
+            // names unless asked for: while other instances come and go, Vulkan's loader (1.3.239) crashes now and then in
+            // naming one.
+            flags: (InstanceFlags::default() - InstanceFlags::DEBUG).with_env(),
             ..InstanceDescriptor::new_without_display_handle()
         });
         let found = pollster::block_on(instance.enumerate_adapters(Backends::VULKAN));
