@@ -33,7 +33,7 @@ impl Kernels {
         Self::Portable
     }
 
-    /// Walks rays of `source` and hands hits and counts to `sink`, in order. Neighbours in the list share packets.
+    /// Walks rays, which are of `source`, and hands hits and counts to `sink`, in order. Neighbours in the list share packets.
     pub(crate) fn walk<R, S>(
         self,
         scene: &Scene,
@@ -43,10 +43,9 @@ impl Kernels {
         rays: R,
         sink: S,
     ) where
-        R: Iterator<Item = u32>,
+        R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
-        let rays = rays.map(|ray| source.ray(ray));
         match (self, source) {
             #[cfg(target_arch = "x86_64")]
             (Self::Avx2(proof), _) => walk_avx2(proof, scene, stack, walk, rays, sink),

@@ -6,10 +6,11 @@ use crate::stopwatch::Stopwatch;
 use rt_bvh::{PacketWalk, ReducedTree, Stack};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
-    TestCounts, Ticket, Tracer, Walk,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec,
+    Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
@@ -18,6 +19,11 @@ use std::time::Duration;
 /// reading of the clock (about 1 µs), small enough that a task of 32 × 32 pixels feeds four threads. A device of one
 /// thread takes tasks whole.
 const CHUNK: usize = 256;
+
+/// Where no more than one ray in so many is done, their lanes stay empty; where more are, packets are filled up with later
+/// rays. Filling up after every gap would take all packets out of step with the Z-curve's squares of pixels: with one
+/// ray in 64 done that cost 5% of tracing coherent rays.
+const FEW_DONE: u32 = 4;
 
 /// A scene resident on a CPU device.
 #[derive(Debug)]
@@ -234,23 +240,51 @@ impl Worker {
         piece: Piece<'_>,
     ) {
         let watch = Stopwatch::start();
-        let wanted = |i: &usize| done.is_none_or(|mask| !mask.contains(piece.first + *i as u32));
-        if done.is_some() {
-            piece.hits.fill(Hit::MISS);
-            piece.counts.fill(TestCounts::default());
+        let range = piece.first..piece.first + piece.hits.len() as u32;
+        let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
+        let number = done.map_or(0, |mask| mask.count_in(range.clone()));
+        let set = |i: usize, hit: Hit, counts: TestCounts| {
+            piece.hits[i] = hit;
+            if let Some(slot) = piece.counts.get_mut(i) {
+                *slot = counts;
+            }
+        };
+        self.trace_rest(stack, source, spec, range, (number, &is_done), set);
+        *piece.seconds = watch.seconds();
+    }
+
+    /// Traces the rays of a range that are not done and says what came of each; the `number` that are done miss.
+    fn trace_rest(
+        &self,
+        stack: &mut Stack,
+        source: &RaySource,
+        spec: StreamSpec,
+        range: Range<u32>,
+        (number, is_done): (u32, &dyn Fn(u32) -> bool),
+        mut set: impl FnMut(usize, Hit, TestCounts),
+    ) {
+        let walk = PacketWalk::Trace(spec);
+        if number <= range.len() as u32 / FEW_DONE {
+            // A ray that misses at once leaves its lane empty: the others stay in packets of neighbouring pixels.
+            let none = (Ray::new([0.0; 3].into(), [0.0; 3].into()), u32::MAX);
+            let rays = range.map(|ray| if number > 0 && is_done(ray) { none } else { source.ray(ray) });
+            let mut i = 0;
+            self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, counts| {
+                set(i, hit, counts);
+                i += 1;
+            });
+            return;
         }
-        let slots = (0..piece.hits.len()).filter(wanted);
-        let mut filled = slots.clone();
-        let rays = slots.map(|i| piece.first + i as u32);
-        self.kernels.walk(&self.scene, stack, PacketWalk::Trace(spec), source, rays, |hit, counts| {
-            if let Some(i) = filled.next() {
-                piece.hits[i] = hit;
-                if let Some(slot) = piece.counts.get_mut(i) {
-                    *slot = counts;
-                }
+        let first = range.start;
+        let (done, rest): (Vec<u32>, Vec<u32>) = range.partition(|&ray| is_done(ray));
+        done.iter().for_each(|ray| set((ray - first) as usize, Hit::MISS, TestCounts::default()));
+        let mut slots = rest.iter().map(|ray| (ray - first) as usize);
+        let rays = rest.iter().map(|&ray| source.ray(ray));
+        self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, counts| {
+            if let Some(i) = slots.next() {
+                set(i, hit, counts);
             }
         });
-        *piece.seconds = watch.seconds();
     }
 
     fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {
@@ -282,7 +316,8 @@ impl Worker {
                 || Stack::for_scene(&self.scene),
                 |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
                     let mut i = 0;
-                    self.kernels.walk(&self.scene, stack, walk, source, rays.iter().copied(), |hit, count| {
+                    let rays = rays.iter().map(|&ray| source.ray(ray));
+                    self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, count| {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
                     });
