@@ -58,11 +58,13 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     let mut tables = format!("`cargo xtask estimation{}`\n", if quick { " --quick" } else { "" });
 
     tables.push_str("\n## Errors and overhead\n\n");
-    let json = out.join("errors.json");
+    // Relative, since the table repeats the command and programs run in the root.
+    let json = Path::new(OUT).join("errors.json");
     let mut errors = program("estimation");
     errors.args(&scenes).args(extent.errors).args(["--only", CASES, "--json"]).arg(&json);
     let full = output(&mut errors)?;
-    let numbers = fs::read_to_string(&json).with_context(|| format!("cannot read `{}`", json.display()))?;
+    let numbers =
+        fs::read_to_string(root().join(&json)).with_context(|| format!("cannot read `{}`", json.display()))?;
     tables.push_str(&tables::tables(&numbers)?);
 
     tables.push_str("\n## Makespans\n\n");
@@ -75,7 +77,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
             tables.push('\n');
         }
     }
-    run(program("raybalance").arg("figure1").args(extent.figure).arg("--out").arg(out.join("figure1")))?;
+    run(program("raybalance").arg("figure1").args(extent.figure).arg("--out").arg(Path::new(OUT).join("figure1")))?;
     tables.push_str("\n## Every scene\n\n");
     tables.push_str(&full);
     let file = out.join("tables.md");
