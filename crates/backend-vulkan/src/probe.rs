@@ -21,26 +21,12 @@ pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, Device
 
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
 pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    for trial in camera::trials() {
-        let (camera, list) = trial.input();
-        let block = bytemuck::bytes_of(&camera);
-        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count: camera.count };
-        if let Some(fault) = trial.first_fault(&make(shared, None, recipe)?) {
-            return Ok(Some(fault));
-        }
-    }
-    Ok(None)
+    camera::fault(|recipe| make(shared, None, recipe))
 }
 
 /// The same of rays that leave surfaces.
 pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
-    for trial in trials {
-        let made = make(shared, Some(&trial.image()), trial.recipe())?;
-        if let Some(fault) = trial.first_fault(&made) {
-            return Ok(Some(fault));
-        }
-    }
-    Ok(None)
+    bounce::fault(trials, |scene, recipe| make(shared, Some(scene), recipe))
 }
 
 /// The rays that a kernel makes.

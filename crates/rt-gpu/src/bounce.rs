@@ -149,6 +149,23 @@ fn vertex([seed, triangle, corner]: [u32; 3], scale: f32, offset: f32) -> Vec3 {
     (Vec3::new(at(0), at(1), at(2)) + Vec3::splat(offset)) * scale
 }
 
+/// In words, the first ray of the trials that a device makes otherwise than the host; `None` if there is none. `make` lets the
+/// device make rays that leave the triangles of a scene.
+///
+/// # Errors
+/// Those of `make`.
+pub fn fault<E>(
+    trials: &[Trial],
+    mut make: impl FnMut(&SceneImage<'_>, Recipe<'_>) -> Result<Vec<KernelRay>, E>,
+) -> Result<Option<String>, E> {
+    for trial in trials {
+        if let Some(fault) = trial.first_fault(&make(&trial.image(), trial.recipe())?) {
+            return Ok(Some(fault));
+        }
+    }
+    Ok(None)
+}
+
 impl Trial {
     fn new(seed: u32, [scale, offset]: [f32; 2], aim: Aim, samples: u32, rows: bool) -> Option<Self> {
         const TRIANGLES: u32 = 280;
@@ -183,14 +200,12 @@ impl Trial {
     }
 
     /// What the kernel [`Purpose::Bounce`] is given.
-    #[must_use]
-    pub fn recipe(&self) -> Recipe<'_> {
+    fn recipe(&self) -> Recipe<'_> {
         self.part.recipe()
     }
 
     /// The scene, whose triangles and primitives the kernel reads in the order of the two-wide tree.
-    #[must_use]
-    pub fn image(&self) -> SceneImage<'_> {
+    fn image(&self) -> SceneImage<'_> {
         SceneImage::new(&self.scene)
     }
 
@@ -205,8 +220,7 @@ impl Trial {
 
     /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
     /// passes. `made` is what it wrote to binding 6.
-    #[must_use]
-    pub fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
+    fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
         if made.len() != self.rays.len() as usize {
             return Some(format!("it makes {} rays of {}", made.len(), self.rays.len()));
         }

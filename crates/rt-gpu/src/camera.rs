@@ -1,8 +1,10 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
+use crate::Recipe;
 use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
+use rt_shaders::Purpose;
 use std::sync::Arc;
 
 /// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the host.
@@ -15,7 +17,7 @@ const LEFT_OUT: f64 = 1.0 / 256.0;
 
 /// A scene, a camera, and the rays that a device is to make.
 #[derive(Debug)]
-pub struct Trial {
+struct Trial {
     scene: Scene,
     rays: CameraRays,
     camera: KernelCamera,
@@ -23,8 +25,7 @@ pub struct Trial {
 
 /// What a device must pass: cameras near and far, along an axis and across, wide and narrow, with one ray for each pixel
 /// and with several.
-#[must_use]
-pub fn trials() -> Vec<Trial> {
+fn trials() -> Vec<Trial> {
     let oblique = ([3.1, 1.7, -2.3], [0.2, 0.4, 0.1]);
     let along = ([0.5, 0.25, 4.0], [0.5, 0.25, 0.0]);
     let far = ([2e5, 1e4, -3e5], [1.0, 0.0, 0.0]);
@@ -38,6 +39,23 @@ pub fn trials() -> Vec<Trial> {
     .into_iter()
     .filter_map(|(scale, (eye, target), fov, size, samples)| Trial::new(scale, [eye, target], fov, size, samples))
     .collect()
+}
+
+/// In words, the first ray of all trials that a device makes otherwise than the host; `None` if there is none. `make` lets the
+/// device make rays.
+///
+/// # Errors
+/// Those of `make`.
+pub fn fault<E>(mut make: impl FnMut(Recipe<'_>) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
+    for trial in trials() {
+        let (camera, list) = trial.input();
+        let block = bytemuck::bytes_of(&camera);
+        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count: camera.count };
+        if let Some(fault) = trial.first_fault(&make(recipe)?) {
+            return Ok(Some(fault));
+        }
+    }
+    Ok(None)
 }
 
 impl Trial {
@@ -54,15 +72,13 @@ impl Trial {
 
     /// What the kernel [`rt_shaders::Purpose::Camera`] is given at binding 5, and at binding 4. The first pixel's first
     /// sample is left out, for a stream's second window.
-    #[must_use]
-    pub fn input(&self) -> (KernelCamera, &[u32]) {
+    fn input(&self) -> (KernelCamera, &[u32]) {
         self.camera.part(&self.rays, 1, self.rays.len() - 1)
     }
 
     /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
     /// passes. `made` is what it wrote to binding 6.
-    #[must_use]
-    pub fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
+    fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
         let expected = (1..self.rays.len()).map(|i| Offload::new(&self.scene).prepare(&self.rays.ray(i), u32::MAX));
         if made.len() != self.rays.len() as usize - 1 {
             return Some(format!("it makes {} rays of {}", made.len(), self.rays.len() - 1));
