@@ -35,7 +35,7 @@ fn bounced() -> Result<Vec<Twins>, Failed> {
         let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, samples, bounce };
         let all = 0..u32::MAX;
         let made = |aim: Aim, spec: StreamSpec| {
-            let departures = spawner.departures(aim, all.clone()).into();
+            let [departures] = spawner.departures([aim], all.clone()).map(Into::into);
             let made = BounceRays { surfaces: Arc::clone(&surfaces), departures, scatter: spawner.scatter(aim) };
             (Arc::new(made), spec)
         };
