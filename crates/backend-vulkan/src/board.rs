@@ -72,23 +72,6 @@ impl VulkanBoard {
         Ok(board)
     }
 
-    /// Runs the kernel for `purpose` over nothing, if it never ran.
-    fn run_first(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
-        let (layout, depth) = self.trees.of(purpose);
-        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        if !pipeline.is_to_run_first() {
-            return Ok(());
-        }
-        self.on_gpu(|shared, gpu| {
-            let index = gpu.free_slot(shared)?;
-            let Gpu { timeline, resident, slots, .. } = gpu;
-            // No ray is read: any buffer will do.
-            let [.., frame] = resident.bindings(layout);
-            let value = slots[index].start(resident, frame, pipeline, &Work::nothing(), false, timeline)?;
-            timeline.wait(value, PATIENCE)
-        })
-    }
-
     /// Does something on the device; once that is lost or hangs, nothing any more.
     fn on_gpu<T>(&mut self, work: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
@@ -138,14 +121,24 @@ impl Board for VulkanBoard {
         self.tuning.persistent_lanes
     }
 
-    fn prepare(&mut self, purpose: Purpose) {
-        if matches!(purpose, Purpose::Camera | Purpose::Bounce) {
-            // The kernel is compiled to find out.
-            let _ = self.tuning.host_rays || self.shared.makes(purpose);
-        } else {
-            // Whoever uses the kernel is told what is wrong.
-            let _ = self.run_first(purpose);
+    fn makes(&mut self, purpose: Purpose) -> bool {
+        !self.tuning.host_rays && self.shared.makes(purpose)
+    }
+
+    fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let (layout, depth) = self.trees.of(purpose);
+        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        if !pipeline.is_to_warm_up() {
+            return Ok(());
         }
+        self.on_gpu(|shared, gpu| {
+            let index = gpu.free_slot(shared)?;
+            let Gpu { timeline, resident, slots, .. } = gpu;
+            // No ray is read: any buffer will do.
+            let [.., frame] = resident.bindings(layout);
+            let value = slots[index].start(resident, frame, pipeline, &Work::nothing(), false, timeline)?;
+            timeline.wait(value, PATIENCE)
+        })
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
@@ -173,10 +166,7 @@ impl Board for VulkanBoard {
         })
     }
 
-    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
-        if self.tuning.host_rays || !self.shared.makes(recipe.purpose) {
-            return Ok(false);
-        }
+    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<(), DeviceError> {
         self.on_gpu(|shared, Gpu { timeline, uploader, resident, rays, maker, .. }| {
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
             let maker = match maker {
@@ -184,8 +174,7 @@ impl Board for VulkanBoard {
                 None => maker.insert(Maker::new(shared)?),
             };
             maker.make(shared, (uploader, timeline), resident, rays, recipe)?;
-            shared.logical.check_validation()?;
-            Ok(true)
+            shared.logical.check_validation()
         })
     }
 

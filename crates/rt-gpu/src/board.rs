@@ -2,7 +2,7 @@
 
 use crate::Work;
 use rt_bvh::offload::KernelRay;
-use rt_core::{DeviceError, TestCounts};
+use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
 use rt_shaders::Purpose;
 use std::fmt::Debug;
 use std::time::Duration;
@@ -67,10 +67,21 @@ pub trait Board: Send + Debug {
         None
     }
 
-    /// Compiles the kernel for `purpose` and runs it over [`Work::nothing`], since some drivers compile when a kernel first
-    /// runs, so that its first launch does not wait for it. What fails is told then. Nothing is in flight.
-    fn prepare(&mut self, purpose: Purpose) {
+    /// Whether the kernel for `purpose` makes rays, the very bits that the host makes: see [`crate::Trials`]. It is compiled to
+    /// find out. Nothing is in flight.
+    fn makes(&mut self, purpose: Purpose) -> bool {
         let _ = purpose;
+        false
+    }
+
+    /// Compiles the kernel for `purpose`, which traces, and runs it over [`Work::nothing`], since some drivers compile when a
+    /// kernel first runs, so that its first launch does not wait for it. Nothing is in flight.
+    ///
+    /// # Errors
+    /// Those of [`Board::start`].
+    fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let _ = purpose;
+        Ok(())
     }
 
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.
@@ -86,14 +97,13 @@ pub trait Board: Send + Debug {
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Makes rays of a window; `false` where the device does not make the bits that the host makes ([`crate::camera`] and
-    /// [`crate::bounce`] find out). Nothing is in flight.
+    /// Makes rays of a window by a kernel of which [`Board::makes`] says that it does. Nothing is in flight.
     ///
     /// # Errors
     /// When there is no memory for what the kernel is given, or the device is lost.
-    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
+    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<(), DeviceError> {
         let _ = (window, recipe);
-        Ok(false)
+        Err(DeviceError::new(DeviceErrorKind::Unsupported, "the host makes this device's rays"))
     }
 
     /// Starts the kernel for `purpose` over rays of a window.

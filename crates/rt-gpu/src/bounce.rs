@@ -1,5 +1,6 @@
 //! Rays that leave surfaces, as a device is told of them; and whether it makes the host's, bit for bit.
 
+use crate::trials::first_fault;
 use crate::{Recipe, SceneImage};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -218,23 +219,10 @@ impl Trial {
         (0..self.rays.len()).map(ray).collect()
     }
 
-    /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
-    /// passes. `made` is what it wrote to binding 6.
+    /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        if made.len() != self.rays.len() as usize {
-            return Some(format!("it makes {} rays of {}", made.len(), self.rays.len()));
-        }
-        let mut left = 0;
-        for (i, (expected, made)) in self.expected().iter().zip(made).enumerate() {
-            if made.kind == KernelRay::HOST {
-                left += 1;
-            } else if bytemuck::bytes_of(expected) != bytemuck::bytes_of(made) {
-                let from = self.rays.departures[i];
-                return Some(format!("it makes the ray from {from:?} as {made:?}, not {expected:?}"));
-            }
-        }
-        let share = f64::from(left) / made.len() as f64;
-        (share > self.left_out).then(|| format!("it leaves {left} of {} rays to the host", made.len()))
+        let whence = |i: usize| format!("the ray from {:?}", self.rays.departures[i]);
+        first_fault(&self.expected(), made, self.left_out, whence)
     }
 }
 

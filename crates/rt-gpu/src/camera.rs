@@ -1,6 +1,7 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
 use crate::Recipe;
+use crate::trials::first_fault;
 use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
@@ -76,23 +77,16 @@ impl Trial {
         self.camera.part(&self.rays, 1, self.rays.len() - 1)
     }
 
-    /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
-    /// passes. `made` is what it wrote to binding 6.
+    /// What the host makes of it, without the same sample.
+    fn expected(&self) -> Vec<KernelRay> {
+        let offload = Offload::new(&self.scene);
+        (1..self.rays.len()).map(|i| offload.prepare(&self.rays.ray(i), u32::MAX)).collect()
+    }
+
+    /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        let expected = (1..self.rays.len()).map(|i| Offload::new(&self.scene).prepare(&self.rays.ray(i), u32::MAX));
-        if made.len() != self.rays.len() as usize - 1 {
-            return Some(format!("it makes {} rays of {}", made.len(), self.rays.len() - 1));
-        }
-        let mut left = 0;
-        for (i, (expected, made)) in expected.zip(made).enumerate() {
-            if made.kind == KernelRay::HOST {
-                left += 1;
-            } else if bytemuck::bytes_of(&expected) != bytemuck::bytes_of(made) {
-                return Some(format!("of {:?} it makes ray {} as {made:?}, not {expected:?}", self.rays.camera, i + 1));
-            }
-        }
-        let share = f64::from(left) / made.len() as f64;
-        (share > LEFT_OUT).then(|| format!("it leaves {left} of {} rays to the host", made.len()))
+        let whence = |i| format!("ray {} of {:?}", i + 1, self.rays.camera);
+        first_fault(&self.expected(), made, LEFT_OUT, whence)
     }
 }
 
@@ -106,9 +100,7 @@ mod tests {
         let trials = trials();
         assert_eq!(trials.len(), 5, "every trial is one that the host would not keep to itself");
         for trial in trials {
-            let offload = Offload::new(&trial.scene);
-            let mut rays: Vec<_> =
-                (1..trial.rays.len()).map(|i| offload.prepare(&trial.rays.ray(i), u32::MAX)).collect();
+            let mut rays = trial.expected();
             assert!(rays.iter().all(|ray| ray.kind < KernelRay::MISS));
             assert_eq!(trial.first_fault(&rays), None);
             assert!(trial.first_fault(&rays[1..]).is_some());

@@ -31,9 +31,9 @@ pub(crate) fn send<'a>(
     board.reserve_rays(source.len())?;
     let offload = Offload::new(scene);
     let made = match source {
-        RaySource::Explicit { .. } => None,
-        RaySource::Camera(rays) => make_camera(board, &offload, rays)?,
-        RaySource::Bounce(rays) => make_bounces(board, &offload, places, rays)?,
+        RaySource::Camera(rays) if board.makes(Purpose::Camera) => make_camera(board, &offload, rays)?,
+        RaySource::Bounce(rays) if board.makes(Purpose::Bounce) => make_bounces(board, &offload, places(), rays)?,
+        _ => None,
     };
     match made {
         Some(bytes) => Ok(Sent { bytes, made: source.len() }),
@@ -47,7 +47,7 @@ fn windows(window: u32, count: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count.div_ceil(window)).map(move |number| (number * window, window.min(count - number * window)))
 }
 
-/// Has the board make the rays; returns the bytes sent, or `None` if it does not.
+/// Has the board make the rays; returns the bytes sent, or `None` where kernels cannot be told of such rays.
 fn make_camera(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays) -> Result<Option<u64>, DeviceError> {
     let Some(camera) = offload.camera(rays) else {
         return Ok(None);
@@ -57,33 +57,28 @@ fn make_camera(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays)
         let (camera, list) = camera.part(rays, first, count);
         let block = bytemuck::bytes_of(&camera);
         let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count };
-        if !board.make_rays(number, recipe)? {
-            return Ok(None);
-        }
+        board.make_rays(number, recipe)?;
         sent += recipe.bytes();
     }
     Ok(Some(sent))
 }
 
 /// Likewise.
-fn make_bounces<'a>(
+fn make_bounces(
     board: &mut impl Board,
     offload: &Offload<'_>,
-    places: impl FnOnce() -> &'a [u32],
+    places: &[u32],
     rays: &BounceRays,
 ) -> Result<Option<u64>, DeviceError> {
     let Some(block) = offload.bounce(rays) else {
         return Ok(None);
     };
-    let places = places();
     let mut sent = 0;
     for (number, (first, count)) in (0..).zip(windows(board.window(), rays.len())) {
         for skip in (0..count).step_by(DEPARTURES as usize) {
             let count = DEPARTURES.min(count - skip);
             let part = bounce::Part::new(&block, rays, [first + skip, count], skip, places);
-            if !board.make_rays(number, part.recipe())? {
-                return Ok(None);
-            }
+            board.make_rays(number, part.recipe())?;
             sent += part.recipe().bytes();
         }
     }

@@ -148,14 +148,15 @@ impl<B: Board> Tracer for GpuTracer<B> {
         if !self.pending.is_empty() {
             return;
         }
-        match source {
-            RaySource::Camera(_) => self.board.prepare(Purpose::Camera),
-            RaySource::Bounce(_) => self.board.prepare(Purpose::Bounce),
-            RaySource::Explicit { .. } => {}
-        }
-        self.board.prepare(How::Trace(spec).purpose());
-        if let Some(Ok(how)) = walk.map(|walk| how_to(walk, spec)) {
-            self.board.prepare(how.purpose());
+        let _ = match source {
+            RaySource::Camera(_) => self.board.makes(Purpose::Camera),
+            RaySource::Bounce(_) => self.board.makes(Purpose::Bounce),
+            RaySource::Explicit { .. } => false,
+        };
+        let walk = walk.and_then(|walk| how_to(walk, spec).ok());
+        for how in [Some(How::Trace(spec)), walk].into_iter().flatten() {
+            // Whoever uses the kernel is told what is wrong.
+            let _ = self.board.warm_up(how.purpose());
         }
     }
 
