@@ -30,7 +30,6 @@ mod error;
 mod instance;
 mod launch;
 mod logical;
-mod maker;
 mod memory;
 mod pipeline;
 mod probe;

@@ -1,11 +1,11 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
-use crate::Recipe;
+use crate::Order;
+use crate::order::Row;
 use crate::trials::first_fault;
 use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
-use rt_shaders::Purpose;
 use std::sync::Arc;
 
 /// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the host.
@@ -47,12 +47,9 @@ fn trials() -> Vec<Trial> {
 ///
 /// # Errors
 /// Those of `make`.
-pub fn fault<E>(mut make: impl FnMut(Recipe<'_>) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
+pub fn fault<E>(mut make: impl FnMut(&Order) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
     for trial in trials() {
-        let (camera, list) = trial.input();
-        let block = bytemuck::bytes_of(&camera);
-        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count: camera.count };
-        if let Some(fault) = trial.first_fault(&make(recipe)?) {
+        if let Some(fault) = trial.first_fault(&make(&trial.order())?) {
             return Ok(Some(fault));
         }
     }
@@ -71,10 +68,12 @@ impl Trial {
         Some(Self { scene, rays, camera })
     }
 
-    /// What the kernel [`rt_shaders::Purpose::Camera`] is given at binding 5, and at binding 4. The first pixel's first
-    /// sample is left out, for a stream's second window.
-    fn input(&self) -> (KernelCamera, &[u32]) {
-        self.camera.part(&self.rays, 1, self.rays.len() - 1)
+    /// What the device is told to make: all but the first pixel's first sample, as for a stream's second window, the later
+    /// rays first.
+    fn order(&self) -> Order {
+        let [middle, end] = [self.rays.len() / 2 + 1, self.rays.len()];
+        let rows = [Row { ray: middle, count: end - middle }, Row { ray: 1, count: middle - 1 }];
+        Order::camera(&self.camera, &self.rays, &rows, 1)
     }
 
     /// What the host makes of it, without the same sample.
