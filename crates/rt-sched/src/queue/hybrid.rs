@@ -28,8 +28,8 @@ const LAUNCH_SHARE: f64 = 1.0 / 3.0;
 /// 1/64 39%. It costs some eight launches more.
 const PRIOR: f64 = 1.0 / 256.0;
 
-/// Tasks of equal work that stay together.
-const NEIGHBOURS: usize = 4;
+/// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on a processor.
+const NEIGHBOURS: usize = 16;
 
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
 const GROWTH: f64 = 0.5;
