@@ -23,6 +23,8 @@ pub(crate) enum TradeArg {
     Precision(PrecisionTradeoffArgs),
     /// How long to build the tree: build time against rays per second
     Build(TradeArgs),
+    /// Which layout of the tree: memory and time to make it against rays per second, on graphics cards
+    Layout(TradeArgs),
 }
 
 #[derive(Clone, Debug, Args)]
@@ -32,16 +34,17 @@ pub(crate) struct TradeArgs {
     pub(crate) scenes: Vec<String>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
-    /// The device to measure, such as cpu:1 or vulkan:0
-    #[arg(long, default_value = "cpu:1", value_name = "DEVICE")]
-    pub(crate) device: String,
-    /// Size of the picture in pixels, one ray each [default: 1024x640; 320x200 with --quick]
+    /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics card]
+    #[arg(long, visible_aliases = ["device", "backend"], value_name = "LIST")]
+    pub(crate) devices: Option<String>,
+    /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget demands it]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,
     /// Interleaved repetitions, at least 6 for intervals of 95% [default: 9; 2 with --quick]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, visible_alias = "runs", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeat: Option<u32>,
-    /// Seconds after which no further repetition is begun; one is always measured [default without a trade: 600]
+    /// Seconds that it may take: a repetition that would end later is not begun, but one is always measured [default of all
+    /// trades together: 600; 150 with --quick]
     #[arg(long, value_name = "SECONDS")]
     pub(crate) budget: Option<u32>,
     /// Seed of samples, pixels and bounces
@@ -60,13 +63,13 @@ pub(crate) struct PrecisionTradeoffArgs {
     /// yard, car, or OBJ files [default: yard car]
     pub(crate) scenes: Vec<String>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
-    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    #[arg(long, visible_aliases = ["devices", "device"], value_name = "LIST", default_value = "cpu")]
     pub(crate) backend: String,
     /// Fewer rays and runs: a look, not a measurement
     #[arg(long)]
     pub(crate) quick: bool,
     /// Runs of each precision, all in turn [default: 30; 6 with --quick]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    #[arg(long, visible_alias = "repeat", value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
     pub(crate) runs: Option<u32>,
     /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
@@ -86,11 +89,11 @@ pub(crate) struct PrecisionTradeoffArgs {
 }
 
 impl PrecisionTradeoffArgs {
-    /// What suits the options of all trades together.
-    pub(crate) fn of(all: &TradeArgs) -> Self {
+    /// What suits the options of all trades together; `device` is measured unless another one is named.
+    pub(crate) fn of(all: &TradeArgs, device: &str) -> Self {
         Self {
             scenes: all.scenes.clone(),
-            backend: all.device.clone(),
+            backend: all.devices.as_deref().unwrap_or(device).to_owned(),
             quick: all.quick,
             runs: all.repeat,
             size: all.size,
