@@ -80,14 +80,8 @@ pub(crate) struct Named {
 
 /// Opens the devices of a list, to be used one after the other; `None` opens all cores as one, and every graphics card.
 pub(crate) fn open_named(list: Option<&str>, cards: &CardArgs) -> Result<Vec<Named>> {
-    let card_of = |spec: Spec| match spec.kind {
-        Kind::Gpu(api, index) => Some(format!("{}:{index}", api.name())),
-        Kind::Cpu(_) => None,
-    };
     let entries: Vec<String> = match list {
-        None | Some("auto") => {
-            std::iter::once("cpu".to_owned()).chain(automatic().into_iter().filter_map(card_of)).collect()
-        }
+        None | Some("auto") => std::iter::once("cpu".to_owned()).chain(card_entries()).collect(),
         Some(list) => list.split(',').map(|entry| entry.trim().to_owned()).collect(),
     };
     let mut found = Api::ALL.map(|api| (api, None));
@@ -104,6 +98,24 @@ pub(crate) fn open_named(list: Option<&str>, cards: &CardArgs) -> Result<Vec<Nam
         devices.push(Named { entry, device, card });
     }
     Ok(devices)
+}
+
+/// Entries for every graphics card once; software rasterisers are used only when named.
+pub(crate) fn card_entries() -> Vec<String> {
+    let entry = |spec: Spec| match spec.kind {
+        Kind::Gpu(api, index) => Some(format!("{}:{index}", api.name())),
+        Kind::Cpu(_) => None,
+    };
+    automatic().into_iter().filter_map(entry).collect()
+}
+
+/// The entry of the first software rasteriser, if there is one.
+pub(crate) fn first_software_entry() -> Option<String> {
+    Api::ALL.into_iter().find_map(|api| {
+        let found = api.devices(CardArgs::default()).ok()?;
+        let software = |found: &Found| found.as_ref().is_ok_and(|device| device.card().software);
+        Some(format!("{}:{}", api.name(), found.iter().position(software)?))
+    })
 }
 
 /// Opens the devices of a list; `None` opens one device for each core, and every graphics card.

@@ -27,6 +27,11 @@ pub(crate) enum LayoutArg {
 }
 
 impl CardArgs {
+    /// The usual choices, but for the layout.
+    pub(crate) fn with_layout(layout: LayoutArg) -> Self {
+        Self { layout, ..Self::default() }
+    }
+
     /// As backends take it; `None` leaves the choice to them.
     pub(crate) const fn layouts(self) -> Option<Layouts> {
         match self.layout {

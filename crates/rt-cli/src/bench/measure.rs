@@ -3,6 +3,7 @@
 use super::check_interrupt;
 use super::streams::Rays;
 use crate::devices::Named;
+use crate::experiment::in_kernel;
 use anyhow::{Context, Result};
 use rt_balance::clock;
 use rt_core::{
@@ -153,12 +154,6 @@ impl Bench<'_> {
             spans.push(launch.span);
         }
     }
-}
-
-/// Seconds in the kernel; of the whole launch where the device cannot tell.
-fn in_kernel(span: Span) -> f64 {
-    let inside = if span.in_kernel.is_zero() { span.duration() } else { span.in_kernel };
-    inside.as_secs_f64()
 }
 
 /// From the first start to the last end: the launches follow each other without a pause of ours.

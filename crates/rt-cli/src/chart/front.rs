@@ -3,7 +3,7 @@
 use super::axes::{LogAxis, frame, place};
 use super::canvas::Rgb;
 use super::sheet::{
-    BLUE, FAINT, GREEN, HPos, INK, Look, ORANGE, PALE, PURPLE, SKY, Sheet, VERMILION, YELLOW, text_room,
+    BLUE, FAINT, GREEN, HPos, INK, Look, ORANGE, PALE, PURPLE, Place, SKY, Sheet, VERMILION, YELLOW, text_room,
 };
 use anyhow::{Result, ensure};
 
@@ -12,8 +12,10 @@ use anyhow::{Result, ensure};
 pub struct Chart {
     /// What is drawn.
     pub title: String,
-    /// Up to three to a row.
+    /// In rows of [`Chart::columns`].
     pub panels: Vec<Panel>,
+    /// Panels in a row, 3 or 4.
+    pub columns: usize,
 }
 
 /// Two quantities, both on logarithmic axes.
@@ -40,6 +42,8 @@ pub struct Series {
     pub name: String,
     /// In order; those that are not positive and finite are left out.
     pub points: Vec<[f64; 2]>,
+    /// The interval of each point's second quantity, drawn as a bar; empty to draw none.
+    pub intervals: Vec<[f64; 2]>,
 }
 
 const COLOURS: [Rgb; 9] = [BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY, YELLOW, FAINT, INK];
@@ -49,10 +53,13 @@ const WIDTH: f64 = 1200.0;
 const MARGIN: f64 = 28.0;
 const GUTTER: f64 = 30.0;
 const AXIS: f64 = 52.0;
-const SIDE: f64 = 290.0;
-const PANEL: f64 = 56.0 + SIDE + 54.0;
 const LEGEND: f64 = 22.0;
-const COLUMNS: usize = 3;
+/// Room above, right of and below a panel's axes.
+const ABOVE: f64 = 56.0;
+const RIGHT: f64 = 19.0;
+const BELOW: f64 = 54.0;
+/// Least room between labels of lines across.
+const APART: f64 = 14.0;
 
 /// Draws the chart as an SVG document.
 ///
@@ -64,18 +71,21 @@ pub fn to_svg(chart: &Chart) -> Result<String> {
     let places = legend_places(&names);
     let legend_rows = places.last().map_or(0.0, |place| place.1 + 1.0);
     let top = 54.0 + LEGEND * legend_rows + 10.0;
-    let rows = chart.panels.len().div_ceil(COLUMNS);
-    let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL);
+    let columns = chart.columns.clamp(3, 4);
+    let width = (WIDTH - 2.0 * MARGIN - (columns - 1) as f64 * GUTTER) / columns as f64;
+    let side = width - AXIS - RIGHT;
+    let height = ABOVE + side + BELOW;
+    let rows = chart.panels.len().div_ceil(columns);
+    let mut sheet = Sheet::new(WIDTH, top + rows as f64 * height);
     sheet.text(chart.title.as_str(), (MARGIN, 30.0), Look::title());
     for (index, (name, (x, row))) in names.iter().zip(places).enumerate() {
         let y = 58.0 + LEGEND * row;
         sheet.dot((x + 5.0, y), 4.5, COLOURS[index % COLOURS.len()]);
         sheet.text(*name, (x + 16.0, y), Look { size: 12.5, ..Look::default() });
     }
-    let width = (WIDTH - 2.0 * MARGIN - (COLUMNS - 1) as f64 * GUTTER) / COLUMNS as f64;
     for (index, panel) in chart.panels.iter().enumerate() {
-        let left = MARGIN + (index % COLUMNS) as f64 * (width + GUTTER);
-        panel.draw(&mut sheet, left, top + (index / COLUMNS) as f64 * PANEL, &names);
+        let left = MARGIN + (index % columns) as f64 * (width + GUTTER);
+        panel.draw(&mut sheet, (left, top + (index / columns) as f64 * height), side, &names);
     }
     sheet.to_svg()
 }
@@ -108,38 +118,54 @@ fn legend_places(names: &[&str]) -> Vec<(f64, f64)> {
 
 impl Series {
     fn usable(&self) -> impl Iterator<Item = [f64; 2]> {
-        self.points.iter().copied().filter(|point| point.iter().all(|v| *v > 0.0 && v.is_finite()))
+        self.points.iter().copied().filter(is_shown)
+    }
+
+    /// Both ends of the bars of points that are shown.
+    fn bars(&self) -> impl Iterator<Item = [[f64; 2]; 2]> {
+        let ends = |([x, _], [low, high]): (&[f64; 2], &[f64; 2])| [[*x, *low], [*x, *high]];
+        self.points.iter().zip(&self.intervals).map(ends).filter(|ends| ends.iter().all(is_shown))
     }
 }
 
+/// Whether logarithmic axes have a place for it.
+fn is_shown(point: &[f64; 2]) -> bool {
+    point.iter().all(|v| *v > 0.0 && v.is_finite())
+}
+
 impl Panel {
-    fn draw(&self, sheet: &mut Sheet, left: f64, top: f64, names: &[&str]) {
+    /// Draws the panel, whose axes are `side` pixels long.
+    fn draw(&self, sheet: &mut Sheet, (left, top): Place, side: f64, names: &[&str]) {
         sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
-        let (from, upper) = (left + AXIS, top + 56.0);
+        let (from, upper) = (left + AXIS, top + ABOVE);
         let reference = self.reference.as_ref().map(|(point, _)| *point);
         let all = || self.series.iter().flat_map(Series::usable).chain(reference);
         let levels = || self.levels.iter().filter(|(value, _)| *value > 0.0 && value.is_finite());
         if all().next().is_none() {
-            sheet.text("nothing to show", (from, upper + SIDE / 2.0), Look::axis(HPos::Left));
+            sheet.text("nothing to show", (from, upper + side / 2.0), Look::axis(HPos::Left));
             return;
         }
-        let x = LogAxis::over(all().map(|point| point[0]), from, from + SIDE);
-        let heights = all().map(|point| point[1]).chain(levels().map(|level| level.0));
-        let y = LogAxis::over(heights, upper + SIDE, upper);
+        let x = LogAxis::over(all().map(|point| point[0]), from, from + side);
+        let bars = self.series.iter().flat_map(Series::bars).flatten().map(|end| end[1]);
+        let heights = all().map(|point| point[1]).chain(levels().map(|level| level.0)).chain(bars);
+        let y = LogAxis::over(heights, upper + side, upper);
         frame(sheet, &x, &y, [1.0; 2], [&self.axes[0], &self.axes[1]]);
         if let Some(more) = self.front {
             let points: Vec<[f64; 2]> = self.series.iter().flat_map(Series::usable).collect();
             let line: Vec<_> = front(&points, more).into_iter().map(|point| place(&x, &y, point)).collect();
             sheet.line(line, 7.0, PALE);
         }
-        for (value, name) in levels() {
+        for ((value, name), label) in levels().zip(label_heights(levels().map(|level| y.at(level.0)))) {
             let height = y.at(*value);
-            sheet.line([(from, height), (from + SIDE, height)], 1.0, FAINT);
-            sheet.text(name.as_str(), (from + SIDE, height - 8.0), Look::axis(HPos::Right));
+            sheet.line([(from, height), (from + side, height)], 1.0, FAINT);
+            sheet.text(name.as_str(), (from + side, label), Look::axis(HPos::Right));
         }
         for series in &self.series {
             let index = names.iter().position(|name| *name == series.name).unwrap_or(0);
             let color = COLOURS[index % COLOURS.len()];
+            for bar in series.bars() {
+                sheet.line(bar.map(|end| place(&x, &y, end)), 2.0, color);
+            }
             let places: Vec<_> = series.usable().map(|point| place(&x, &y, point)).collect();
             for &place in &places {
                 sheet.dot(place, 4.0, color);
@@ -152,10 +178,22 @@ impl Panel {
                 sheet.line([(px - dx, py - dy), (px + dx, py + dy)], 1.8, INK);
             }
             // On the side where there is room.
-            let (align, side) = if px > from + SIDE / 2.0 { (HPos::Right, -9.0) } else { (HPos::Left, 9.0) };
-            sheet.text(name.as_str(), (px + side, py - 10.0), Look { size: 12.0, align, ..Look::default() });
+            let (align, shift) = if px > from + side / 2.0 { (HPos::Right, -9.0) } else { (HPos::Left, 9.0) };
+            sheet.text(name.as_str(), (px + shift, py - 10.0), Look { size: 12.0, align, ..Look::default() });
         }
     }
+}
+
+/// Where the labels of lines across stand: above their lines, and so far apart that they can be read.
+fn label_heights(lines: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut lowest_first: Vec<(usize, f64)> = lines.map(|line| line - 8.0).enumerate().collect();
+    lowest_first.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let (mut free, mut heights) = (f64::INFINITY, vec![0.0; lowest_first.len()]);
+    for (index, wanted) in lowest_first {
+        heights[index] = wanted.min(free);
+        free = heights[index] - APART;
+    }
+    heights
 }
 
 /// The points that no other beats in both quantities, by the first one; `more` says of each whether more is better.
@@ -199,11 +237,18 @@ mod tests {
         }
     }
 
+    /// Mutants: the highest first; `free` never moved.
+    #[test]
+    fn labels_of_neighbouring_lines_do_not_overlap() {
+        assert_eq!(label_heights([100.0, 98.0, 200.0, 99.0].into_iter()), [92.0, 64.0, 192.0, 78.0]);
+    }
+
     #[test]
     fn odd_points_are_left_out_and_long_legends_wrap() {
         let series = |i: usize| Series {
             name: format!("a rather long name of series {i}"),
             points: vec![[1.0, 2.0], [f64::NAN, 1.0], [-1.0, 1.0], [3.0, f64::INFINITY]],
+            intervals: vec![[1.0, 40.0], [1.0, 2.0]],
         };
         let panel = Panel {
             title: "t".to_owned(),
@@ -214,11 +259,13 @@ mod tests {
             front: Some([false, false]),
         };
         let empty = Panel { series: Vec::new(), reference: None, ..panel.clone() };
-        let chart = Chart { title: String::new(), panels: vec![panel, empty] };
+        let chart = Chart { title: String::new(), panels: vec![panel, empty], columns: 3 };
         let svg = to_svg(&chart).unwrap();
         assert_eq!(svg.matches("<circle").count(), 24, "a dot for each series, and its entry in the legend");
         assert!(svg.contains("paper") && svg.contains("a level") && !svg.contains("no level"));
         assert!(svg.contains("nothing to show"));
+        // Axis ticks reach what bars reach. Fails when only the points make the axis.
+        assert!(svg.contains("\n20\n"));
         assert!(legend_places(&names(&chart)).iter().all(|(x, _)| *x < WIDTH - MARGIN));
         assert!(to_svg(&Chart { panels: Vec::new(), ..chart }).is_err());
     }

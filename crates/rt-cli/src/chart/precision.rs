@@ -85,7 +85,7 @@ pub fn to_svg(fronts: &[Front]) -> Result<String> {
 fn header(sheet: &mut Sheet, kinds: &[&str], settings: &[&str]) {
     let title = "Speed against wrong answers";
     sheet.text(title, (MARGIN, 30.0), Look::title());
-    let note = "wrong: misses, hits and triangles that are not those of double precision; bars: 95% intervals";
+    let note = "wrong: misses, hits and triangles that are not those of double precision; bars: intervals of both";
     sheet.text(note, (MARGIN + 290.0, 31.0), Look { color: FAINT, ..Look::default() });
     let mut x = MARGIN;
     for (i, kind) in kinds.iter().enumerate() {

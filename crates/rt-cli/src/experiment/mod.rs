@@ -10,7 +10,7 @@ use crate::scene_source::{Prepared, prepare};
 use anyhow::{Context, Result, bail};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::{CameraRays, Device, Hit, RaySource, StreamKind, StreamSpec, morton};
+use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
 use rt_scene::Model;
 use rt_scene::streams::Spawner;
 use std::path::Path;
@@ -54,6 +54,11 @@ impl Subject {
         trace(&mut self.balancer, stream, scheduling, &mut self.hits)
     }
 
+    /// The scene with its tree.
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.prepared.built.scene
+    }
+
     /// The triangles.
     pub(crate) fn model(&self) -> &Model {
         &self.prepared.model
@@ -79,6 +84,12 @@ pub(crate) fn trace(
     hits.resize(stream.source.len() as usize, Hit::MISS);
     let control = Control { cancel: Some(interrupt::flag()), progress: None };
     Ok(balancer.trace(stream, scheduling, hits, None, control)?)
+}
+
+/// Seconds in the kernel; of the whole launch where the device cannot tell.
+pub(crate) fn in_kernel(span: Span) -> f64 {
+    let inside = if span.in_kernel.is_zero() { span.duration() } else { span.in_kernel };
+    inside.as_secs_f64()
 }
 
 /// The command line as one would type it.

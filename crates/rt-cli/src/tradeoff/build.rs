@@ -1,6 +1,8 @@
 //! `raybalance tradeoff build`: build time against rays per second, for every builder.
 
+use super::stretch::Stretch;
 use super::{Setting, file_part};
+use crate::args::TradeArgs;
 use crate::chart::front::{self, Chart, Panel, Series};
 use crate::experiment::{Subject, trace};
 use crate::html::Page;
@@ -34,11 +36,22 @@ struct Row {
     bytes: u64,
 }
 
+/// Builders, and two streams for each.
+pub(super) fn passes(args: &TradeArgs) -> f64 {
+    2.0 * builders(args.quick).len() as f64
+}
+
+/// The slowest takes as long as all others together.
+fn builders(quick: bool) -> &'static [Builder] {
+    &Builder::ALL[..Builder::ALL.len() - usize::from(quick)]
+}
+
 pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let mut rows = Vec::new();
     page.section("Build time against rays per second");
-    for scene in &setting.args.scenes {
-        let measured = measure(setting, scene)?;
+    let scenes = &setting.args.scenes;
+    for (index, scene) in scenes.iter().enumerate() {
+        let measured = measure(setting, scene, &setting.stretch.equal_part(scenes.len(), index))?;
         let chart = chart(&measured);
         let Some(name) = measured.first().map(|row| row.scene.clone()) else { continue };
         let svg = front::to_svg(&chart)?;
@@ -52,13 +65,13 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     }
     let table = table(&rows);
     page.table("Builders: medians, intervals in brackets", &table);
-    println!("build time against rays per second\n{table}");
+    setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"));
     setting.write("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
     setting.write_json("build.json", &rows)
 }
 
-fn measure(setting: &Setting<'_>, scene: &str) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<Row>> {
     let mut subject = Subject::open(scene, &setting.args.source, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
@@ -66,10 +79,9 @@ fn measure(setting: &Setting<'_>, scene: &str) -> Result<Vec<Row>> {
     let mut rows: Vec<Row> = Vec::new();
     let mut balancers: Vec<Balancer> = Vec::new();
     let mut hits: Vec<Hit> = Vec::new();
-    // The slowest takes as long as all others together.
-    let builders = &Builder::ALL[..Builder::ALL.len() - usize::from(setting.args.quick)];
-    let bar = setting.bar("building", builders.len());
-    for round in setting.rounds() {
+    let builders = builders(setting.args.quick);
+    let stretch = stretch.clone().with_steps(builders.len(), setting.repeat + 1);
+    for round in stretch.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
             let options = BuildOptions { builder, invalid: setting.args.source.invalid(), ..BuildOptions::default() };
@@ -99,10 +111,9 @@ fn measure(setting: &Setting<'_>, scene: &str) -> Result<Vec<Row>> {
             if round > 0 {
                 rows[index].build_s.push(build_s);
             }
-            bar.inc(1);
+            stretch.step();
         }
     }
-    bar.finish_and_clear();
     for row in &mut rows {
         row.build = Summary::new(&row.build_s);
         [row.primary, row.diffuse] = row.mrays.each_ref().map(|mrays| Summary::new(mrays));
@@ -126,7 +137,11 @@ fn chart(rows: &[Row]) -> Chart {
         axes: ["build, ms".to_owned(), "Mray/s".to_owned()],
         series: rows
             .iter()
-            .map(|row| Series { name: row.builder.to_owned(), points: vec![[row.build.median * 1e3, of(row).median]] })
+            .map(|row| Series {
+                name: row.builder.to_owned(),
+                points: vec![[row.build.median * 1e3, of(row).median]],
+                intervals: vec![[of(row).low, of(row).high]],
+            })
             .collect(),
         reference: None,
         levels: Vec::new(),
@@ -136,6 +151,7 @@ fn chart(rows: &[Row]) -> Chart {
     Chart {
         title: format!("{scene}: build time against speed"),
         panels: vec![panel("primary rays", |row| row.primary), panel("diffuse rays", |row| row.diffuse)],
+        columns: 3,
     }
 }
 

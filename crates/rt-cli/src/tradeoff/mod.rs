@@ -1,43 +1,56 @@
-//! `raybalance tradeoff`: what speed costs in accuracy, measured.
+//! `raybalance tradeoff`: what speed costs in accuracy, in memory and in time to prepare, measured.
 
 mod build;
+mod layout;
 mod precision;
 mod sampling;
+mod setting;
 mod streams;
+mod stretch;
 
 use crate::args::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
-use crate::experiment::{Machine, command_line};
+use crate::experiment::{Machine, Subject, command_line};
 use crate::html::Page;
-use crate::output::write_atomically;
-use crate::{devices, interrupt, progress};
+use crate::{devices, interrupt};
 use anyhow::{Result, bail};
-use indicatif::ProgressBar;
+use rt_balance::Scheduling;
 use rt_core::Device;
-use serde::Serialize;
+use setting::{Head, Setting, file_part};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use stretch::Stretch;
 
 /// Something to be traded, such as samples for accuracy.
 struct Trade {
     name: &'static str,
-    /// Share of the budget, relative to the other trades'.
+    /// Share of the time, relative to the other trades'.
     weight: f64,
+    /// How many times about as many rays as a picture has pixels are traced in a round on a scene.
+    passes: fn(&TradeArgs) -> f64,
     run: fn(&Setting<'_>, &mut Page) -> Result<()>,
 }
 
 /// Every trade there is, in the order in which `raybalance tradeoff` runs them.
-const TRADES: [Trade; 3] = [
-    // Hundreds of settings against seven.
-    Trade { name: "sampling", weight: 4.0, run: sampling::run },
-    Trade { name: "precision", weight: 1.0, run: precision_of_all },
-    Trade { name: "build", weight: 1.0, run: build::run },
+const TRADES: [Trade; 4] = [
+    // Hundreds of settings against a few.
+    Trade { name: "sampling", weight: 4.0, passes: sampling::passes, run: sampling::run },
+    Trade { name: "precision", weight: 1.0, passes: precision::passes, run: precision_of_all },
+    Trade { name: "build", weight: 1.0, passes: build::passes, run: build::run },
+    Trade { name: LAYOUT, weight: 1.0, passes: layout::passes, run: layout::run },
 ];
 
-const TITLE: &str = "Speed against accuracy";
+/// The trade that needs devices with a choice of layouts.
+const LAYOUT: &str = "layout";
+
+const TITLE: &str = "Speed against accuracy and memory";
+
+/// What is measured by trades of one device unless something else is named.
+const DEVICE: &str = "cpu:1";
 
 /// Budget of all trades together.
 const ALL_TRADES: Duration = Duration::from_secs(600);
+const QUICK_ALL_TRADES: Duration = Duration::from_secs(150);
 
 /// As for figure 1: see there.
 const SIZE: [u32; 2] = [1024, 640];
@@ -45,126 +58,157 @@ const QUICK_SIZE: [u32; 2] = [320, 200];
 const REPEAT: u32 = 9;
 const QUICK_REPEAT: u32 = 2;
 
-/// How the trades are measured.
-struct Setting<'a> {
-    args: &'a TradeArgs,
-    devices: &'a [Arc<dyn Device>],
-    size: [u32; 2],
-    repeat: u32,
-    /// When no further round is begun.
-    until: Option<Instant>,
-    head: Head,
-}
-
-/// What every file says of its origin.
-#[derive(Clone, Debug, Serialize)]
-struct Head {
-    /// Layout of the file; changes when a field changes its meaning or goes away.
-    schema: u32,
-    command: String,
-    machine: Machine,
-    device: String,
-    size: [u32; 2],
-    seed: u32,
-}
-
 pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
     interrupt::watch();
-    if let Some(TradeArg::Precision(own)) = &args.trade {
-        let seeds = format!("Seed {} of the rays.", own.seed);
-        let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
-        precision::run(own, None, &mut page)?;
-        return finish(&page, &own.out);
-    }
     let (common, chosen) = match &args.trade {
-        None | Some(TradeArg::Precision(_)) => (&args.common, None),
+        Some(TradeArg::Precision(own)) => return precision_alone(own),
+        None => (&args.common, None),
         Some(TradeArg::Sampling(common)) => (common, Some("sampling")),
         Some(TradeArg::Build(common)) => (common, Some("build")),
+        Some(TradeArg::Layout(common)) => (common, Some(LAYOUT)),
     };
-    let devices = devices::open(Some(&common.device))?;
-    let [device] = &devices[..] else { bail!("--device {}: name one device, such as cpu:1", common.device) };
-    let size = common.size.unwrap_or(if common.quick { QUICK_SIZE } else { SIZE });
+    let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
+    let (cards, mut left_out) = match chosen {
+        None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
+        _ => (Vec::new(), Vec::new()),
+    };
+    if cards.is_empty() && chosen == Some(LAYOUT) {
+        bail!("{}", left_out.join("; "));
+    }
+    if cards.is_empty() {
+        trades.retain(|trade| trade.name != LAYOUT);
+        left_out.iter_mut().for_each(|reason| *reason = format!("The trade layout is left out: {reason}."));
+    }
+    left_out.iter().for_each(|reason| println!("{reason}"));
+    let devices = if chosen == Some(LAYOUT) { layout::one_each(&cards) } else { vec![one_device(common)?] };
+
+    let seeds =
+        format!("Seed {} of pixels, bounces and samples; those of each round are in the JSON files.", common.seed);
+    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+    left_out.iter().for_each(|reason| page.paragraph(reason));
+    let begin = Instant::now();
+    let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
+    let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
+    let stretch = Stretch::whole(budget.or(chosen.is_none().then_some(all)));
+    let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
+    for (index, trade) in trades.into_iter().enumerate() {
+        let stretch = stretch.part(&weights, index);
+        stretch.label(trade.name);
+        let on = if trade.name == LAYOUT { &layout::one_each(&cards) } else { &devices };
+        let setting = setting(common, trade, (on, &cards), stretch)?;
+        (trade.run)(&setting, &mut page)?;
+    }
+    stretch.finish();
+    finish(&page, &common.out, begin)
+}
+
+/// The device that is named, or the usual one.
+fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
+    let list = args.devices.as_deref().unwrap_or(DEVICE);
+    let mut devices = devices::open(Some(list))?;
+    match (devices.pop(), devices.is_empty()) {
+        (Some(device), true) => Ok(device),
+        _ => {
+            bail!("--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more")
+        }
+    }
+}
+
+/// How a trade is measured on some devices; `cards` are the same opened for each layout, where that is wanted.
+fn setting<'a>(
+    args: &'a TradeArgs,
+    trade: &Trade,
+    (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
+    stretch: Stretch,
+) -> Result<Setting<'a>> {
+    let most = if args.quick { QUICK_SIZE } else { SIZE };
+    let size = match (args.size, stretch.left()) {
+        (Some(size), _) => size,
+        (None, None) => most,
+        (None, Some(left)) => {
+            let passes = (trade.passes)(args) * (args.scenes.len() * devices.len()) as f64;
+            size_within(left, passes / rays_per_second(args, devices)?, most)
+        }
+    };
+    let names: Vec<&str> = devices.iter().map(|device| device.info().name.as_str()).collect();
     let head = Head {
         schema: 1,
         command: command_line(),
         machine: Machine::this(),
-        device: device.info().name.clone(),
+        device: names.join(", "),
         size,
-        seed: common.seed,
+        seed: args.seed,
     };
-    let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let budget = budget.or(chosen.is_none().then_some(ALL_TRADES));
-    let seeds =
-        format!("Seed {} of pixels, bounces and samples; those of each round are in the JSON files.", common.seed);
-    let mut page = Page::new(TITLE, &head.command, &head.machine, &seeds);
-    let trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
-    let begin = Instant::now();
-    let all: f64 = trades.iter().map(|trade| trade.weight).sum();
-    let mut share = 0.0;
-    for trade in trades {
-        // What a trade leaves of its share goes to those after it.
-        share += trade.weight / all;
-        let setting = Setting {
-            args: common,
-            devices: &devices,
-            size,
-            repeat: common.repeat.unwrap_or(if common.quick { QUICK_REPEAT } else { REPEAT }),
-            until: budget.map(|budget| begin + budget.mul_f64(share)),
-            head: head.clone(),
-        };
-        (trade.run)(&setting, &mut page)?;
-    }
-    finish(&page, &common.out)
+    let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
+    Ok(Setting { args, devices, cards, size, repeat, stretch, head })
 }
 
-fn finish(page: &Page, out: &Path) -> Result<()> {
+/// Rays that the devices trace in a second, together or in turn: of the first scene, primary and diffuse ones.
+fn rays_per_second(args: &TradeArgs, devices: &[Arc<dyn Device>]) -> Result<f64> {
+    let Some(scene) = args.scenes.first() else { return Ok(f64::INFINITY) };
+    let mut subject = Subject::open(scene, &args.source, devices)?;
+    let (mut rays, mut seconds) = (0.0, 0.0);
+    for stream in &subject.streams(QUICK_SIZE, args.seed)? {
+        let run = subject.trace(stream, &mut Scheduling::default())?;
+        (rays, seconds) = (rays + f64::from(run.report.rays), seconds + run.report.makespan_s);
+    }
+    // Several devices share these rays, and are measured one after the other.
+    Ok(rays / seconds / devices.len() as f64)
+}
+
+/// Rounds for which a picture must be small enough: one that is not counted, and three that are.
+const ROUNDS: f64 = 4.0;
+
+/// The least size that is measured, however short the time: sixteen tasks of 256 rays.
+const LEAST_PIXELS: f64 = 4096.0;
+
+/// The size of picture, `most` or the same form smaller, of which [`ROUNDS`] fit into the time; a round takes
+/// `seconds_per_pixel` for each pixel.
+fn size_within(time: Duration, seconds_per_pixel: f64, most: [u32; 2]) -> [u32; 2] {
+    let all = most.map(f64::from).iter().product::<f64>();
+    let fit = (time.as_secs_f64() / (ROUNDS * seconds_per_pixel)).max(LEAST_PIXELS);
+    let scale = (fit / all).min(1.0).sqrt();
+    // Whole tiles of eight pixels, as tasks are made of.
+    most.map(|side| ((f64::from(side) * scale / 8.0).round() as u32 * 8).clamp(8, side.max(8)))
+}
+
+fn finish(page: &Page, out: &Path, begin: Instant) -> Result<()> {
     page.write(&out.join("report.html"))?;
-    println!("\n  written to {}: tables, charts, raw numbers and report.html", out.display());
+    let all = crate::table::seconds(begin.elapsed().as_secs_f64());
+    println!("\n  measured in {all}, written to {}: tables, charts, raw numbers and report.html", out.display());
     Ok(())
+}
+
+/// The precision trade by itself, which has options of its own.
+fn precision_alone(own: &PrecisionTradeoffArgs) -> Result<()> {
+    let begin = Instant::now();
+    let seeds = format!("Seed {} of the rays.", own.seed);
+    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+    let stretch = Stretch::whole(None);
+    precision::run(own, &stretch, &mut page)?;
+    stretch.finish();
+    finish(&page, &own.out, begin)
 }
 
 /// The precision trade as one of all.
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
-    let budget = setting.until.map(|until| until.saturating_duration_since(Instant::now()));
-    precision::run(&PrecisionTradeoffArgs::of(setting.args), budget, page)
+    let own = PrecisionTradeoffArgs { size: Some(setting.size), ..PrecisionTradeoffArgs::of(setting.args, DEVICE) };
+    precision::run(&own, &setting.stretch, page)
 }
 
-impl Setting<'_> {
-    /// The rounds that may still be begun, the first of which is not counted and the second always measured.
-    fn rounds(&self) -> impl Iterator<Item = u32> {
-        (0..=self.repeat).take_while(|&round| round < 2 || self.until.is_none_or(|until| Instant::now() < until))
-    }
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-    /// A progress bar for `steps` of each round.
-    fn bar(&self, label: &'static str, steps: usize) -> ProgressBar {
-        progress::bar(label, steps as u64 * (u64::from(self.repeat) + 1))
+    /// Mutants: `sqrt` forgotten; `min(1.0)` gone; the least size gone.
+    #[test]
+    fn pictures_are_as_small_as_the_time_demands() {
+        let size = |seconds| size_within(Duration::from_secs(seconds), 1e-4, SIZE);
+        assert_eq!(size(1000), SIZE, "all of it fits twice");
+        let [width, height] = size(60);
+        let took = f64::from(width * height) * 1e-4 * ROUNDS;
+        assert!((50.0..70.0).contains(&took), "{width} x {height}: {took} s of 60");
+        assert_eq!(size(0), [80, 48]);
+        assert_eq!(size_within(Duration::ZERO, f64::INFINITY, [64, 64]), [64, 64]);
     }
-
-    /// Writes a text file into the output folder.
-    fn write(&self, name: &str, text: &str) -> Result<()> {
-        write_atomically(&self.args.out.join(name), |out| Ok(out.write_all(text.as_bytes())?))
-    }
-
-    /// Writes a JSON file: the head, and what was measured.
-    fn write_json(&self, name: &str, results: &impl Serialize) -> Result<()> {
-        #[derive(Serialize)]
-        struct File<'a, T> {
-            #[serde(flatten)]
-            head: &'a Head,
-            results: &'a T,
-        }
-        let file = File { head: &self.head, results };
-        write_atomically(&self.args.out.join(name), |out| Ok(serde_json::to_writer_pretty(out, &file)?))
-    }
-
-    /// Lines that open a CSV file.
-    fn csv_head(&self) -> String {
-        let Head { command, machine, device, .. } = &self.head;
-        format!("# command: {command}\n# machine: {machine}\n# measured on: {device}\n")
-    }
-}
-
-/// A scene's name as part of a file's.
-fn file_part(scene: &str) -> String {
-    Path::new(scene).file_name().map_or_else(|| "scene".to_owned(), |name| name.to_string_lossy().replace(' ', "-"))
 }

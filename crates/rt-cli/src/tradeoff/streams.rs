@@ -3,18 +3,26 @@
 use crate::scene_source::Prepared;
 use crate::shade::Light;
 use anyhow::{Context, Result};
-use rt_core::{Hit, Query, Ray, RaySource, Scene, StreamSpec, Triangle, morton};
+use rt_balance::DEFAULT_TASK_SIZE;
+use rt_core::{Hit, Launch, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, morton, tasks_of};
 use rt_scene::streams::{Spawner, primary};
 use rt_verify::rays::{Aim, RayMaker};
+use std::time::Duration;
 
 /// One stream of rays.
 #[derive(Debug)]
 pub(super) struct Kind {
-    /// `primary`, `shadow`, `diffuse`, `random` or `edges`.
+    /// `primary`, `shadow`, `diffuse`, `random` or [`EDGES`].
     pub(super) name: &'static str,
     pub(super) source: RaySource,
     pub(super) query: Query,
 }
+
+/// Rays aimed at edges.
+pub(super) const EDGES: &str = "edges";
+
+/// The longest a launch may take; a software rasteriser on a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(600);
 
 /// How many kinds there are.
 pub(super) const STREAMS: usize = 5;
@@ -39,7 +47,7 @@ pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2
         ("shadow", spawner.shadow(&light.sun, all.clone()).into_source().0, Query::Any),
         ("diffuse", spawner.diffuse(all.clone()).into_source().0, Query::Closest),
         ("random", aimed(Aim::Random), Query::Closest),
-        ("edges", aimed(Aim::Edge), Query::Closest),
+        (EDGES, aimed(Aim::Edge), Query::Closest),
         ("primary", camera, Query::Closest),
     ];
     let mut kinds: Vec<Kind> = kinds.into_iter().map(|(name, source, query)| Kind { name, source, query }).collect();
@@ -62,4 +70,13 @@ pub(super) fn reference(scene: &Scene, source: &RaySource, query: Query) -> Vec<
         hits
     };
     (0..source.len().div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
+}
+
+/// Traces a whole stream in one launch, in tasks as the balancer cuts them by default.
+pub(super) fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec) -> Result<Launch> {
+    tracer.load_rays(source.clone(), spec)?;
+    let ticket = tracer.submit(&tasks_of(source.len(), DEFAULT_TASK_SIZE), None)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch)?;
+    Ok(launch)
 }

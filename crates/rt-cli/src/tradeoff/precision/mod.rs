@@ -2,30 +2,33 @@
 
 mod write;
 
-use super::streams::{Kind, STREAMS, reference, streams};
-use crate::args::{PrecisionTradeoffArgs, SceneArgs};
+use super::streams::{Kind, STREAMS, launch, reference, streams};
+use super::stretch::Stretch;
+use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
 use crate::chart::precision::{self as chart, Front, Point};
+use crate::devices::{Named, open_named};
 use crate::html::Page;
 use crate::scene_source::{Prepared, prepare};
-use crate::table::seconds;
-use crate::{devices, interrupt, output, progress};
+use crate::table::percent;
+use crate::{interrupt, output};
 use anyhow::{Context, Result, bail};
-use rt_balance::stats::Summary;
-use rt_core::{Device, Hit, Launch, Precision, Ray, RaySource, Scene, StreamSpec, Task, Tracer, tasks_of};
+use rt_balance::stats::{CONFIDENCE, Summary};
+use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// What is compared, in the order of the report.
 const PRECISIONS: [Precision; 3] = [Precision::Fast, Precision::Robust, Precision::Double];
 
-/// Rays of one task, as the balancer cuts them by default.
-const TASK: u32 = rt_balance::DEFAULT_TASK_SIZE;
+/// Rays on which the price of the exact reference is tried, one batch of it for each of a few cores.
+const TRIED: u32 = 64;
 
-/// The longest a launch may take; a software rasteriser on a loaded machine is slow.
-const LIMIT: Duration = Duration::from_secs(600);
+/// What the precisions are on a graphics card.
+const ONE_KERNEL: &str = "graphics cards have one kernel, that of robust. It answers fast and f64 as well, so the three differ \
+    in time by chance alone; the precision asked for decides only how the host settles the rays that are left in doubt.";
 
 /// Version of the report's layout.
 const SCHEMA: u32 = 1;
@@ -49,9 +52,13 @@ struct Row {
     scene: String,
     triangles: usize,
     device: String,
+    /// As the command line names it.
+    entry: String,
     backend: &'static str,
     rays: &'static str,
     precision: &'static str,
+    /// The precision of the kernel that answered: of a device that lacks the one asked for, a stricter one.
+    kernel: &'static str,
     /// Million rays per second.
     mray_s: Summary,
     /// Seconds over those of `fast`, run by run.
@@ -64,22 +71,24 @@ struct Row {
     seconds: Vec<f64>,
 }
 
-/// Measures and adds a section to the page; within `budget`, of which every stream gets the same share.
-pub(super) fn run(args: &PrecisionTradeoffArgs, budget: Option<Duration>, page: &mut Page) -> Result<()> {
-    let begin = Instant::now();
+/// Five kinds of rays, with each precision.
+pub(super) fn passes(_: &TradeArgs) -> f64 {
+    (STREAMS * PRECISIONS.len()) as f64
+}
+
+/// Measures and adds a section to the page.
+pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Page) -> Result<()> {
+    stretch.label("precision");
     let names = if args.scenes.is_empty() { vec!["yard".to_owned(), "car".to_owned()] } else { args.scenes.clone() };
-    let devices = devices::open(Some(&args.backend))?;
+    let devices = open_named(Some(&args.backend), &CardArgs::default())?;
     let (size, runs, sample) = args.effort();
-    let bar = progress::bar("measuring", names.len() as u64);
     let mut rows = Vec::new();
-    for name in &names {
+    for (index, name) in names.iter().enumerate() {
         let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
-        let share = budget.map(|budget| budget.div_f64((names.len() * devices.len() * STREAMS) as f64));
-        let bench = Bench { prepared: prepare(name, &source)?, size, runs, sample, seed: args.seed, share };
+        let stretch = stretch.equal_part(names.len(), index);
+        let bench = Bench { prepared: prepare(name, &source)?, size, runs, sample, seed: args.seed, stretch };
         bench.measure(&devices, &mut rows)?;
-        bar.inc(1);
     }
-    bar.finish_and_clear();
 
     let report = Report {
         schema: SCHEMA,
@@ -101,18 +110,33 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, budget: Option<Duration>, page: 
     page.chart(
         &svg,
         "Wrong answers per million rays against million rays per second, for three precisions and every kind of rays",
-        "Wrong: misses, hits and triangles that are not those of double precision. Bars are 95% intervals.",
+        "Wrong: misses, hits and triangles that are not those of double precision. Bars: intervals of the \
+         medians, 95% bounds of wrong answers.",
     );
+    let notes = notes(&report.rows, &devices);
+    notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
-        println!("\n{title}\n\n{table}");
+        stretch.print(&format!("\n{title}\n\n{table}"));
     }
-    let most = report.rows.iter().map(|row| row.seconds.len()).max().unwrap_or(0);
-    println!(
-        "  medians of up to {most} runs, all precisions in turn; {} in all",
-        seconds(begin.elapsed().as_secs_f64())
-    );
+    notes.iter().for_each(|note| stretch.print(&format!("  {note}")));
     Ok(())
+}
+
+/// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
+fn notes(rows: &[Row], devices: &[Named]) -> Vec<String> {
+    let least = rows.iter().map(|row| row.mray_s).min_by_key(|mray_s| mray_s.count);
+    let runs = least.map(|Summary { count, confidence, .. }| {
+        format!(
+            "Medians, all precisions in turn; runs of each: {count} at least. The intervals hold the true median {} of the time or more \
+             often{}.",
+            percent(Some(confidence)),
+            if confidence < CONFIDENCE { " (6 runs give 95%)" } else { "" },
+        )
+    });
+    let cards: Vec<&str> = devices.iter().filter(|named| named.card.is_some()).map(|named| &*named.entry).collect();
+    let one_kernel = (!cards.is_empty()).then(|| format!("{}: {ONE_KERNEL}", cards.join(", ")));
+    runs.into_iter().chain(one_kernel).collect()
 }
 
 /// One scene and how it is measured.
@@ -123,19 +147,23 @@ struct Bench {
     /// Rays of each stream that the exact reference judges.
     sample: u32,
     seed: u32,
-    /// Time for each stream on each device, after which no further round is begun; one is always measured.
-    share: Option<Duration>,
+    stretch: Stretch,
 }
 
 impl Bench {
-    fn measure(&self, devices: &[Arc<dyn Device>], rows: &mut Vec<Row>) -> Result<()> {
+    fn measure(&self, devices: &[Named], rows: &mut Vec<Row>) -> Result<()> {
         let model = &self.prepared.model;
         let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
         let scene = Arc::new(self.prepared.built.scene.clone());
-        for kind in streams(&self.prepared, &triangles, self.size, self.seed)? {
+        let kinds = streams(&self.prepared, &triangles, self.size, self.seed)?;
+        let cells = kinds.len() * devices.len();
+        for (index, kind) in kinds.iter().enumerate() {
             let right = reference(&scene, &kind.source, kind.query);
-            for device in devices {
-                let timed = self.time(device.as_ref(), &scene, &kind)?;
+            for (on, named) in devices.iter().enumerate() {
+                let device = named.device.as_ref();
+                let stretch = self.stretch.equal_part(cells, index * devices.len() + on);
+                let sample = self.affordable(kind, &triangles, &stretch);
+                let timed = self.time(device, &scene, kind, &stretch.part(&[2.0, 1.0], 0))?;
                 for (precision, timed) in PRECISIONS.into_iter().zip(&timed) {
                     let accuracy = Accuracy::of(
                         |i| kind.source.ray(i as u32).0,
@@ -144,7 +172,8 @@ impl Bench {
                         &right,
                         |primitive| model.triangle(primitive),
                     );
-                    rows.push(self.row(device.as_ref(), &kind, precision, timed, accuracy, &triangles)?);
+                    let judged = self.judged(kind, timed, sample, &triangles);
+                    rows.push(self.row(named, kind, precision, (timed, accuracy, judged)));
                 }
                 let from = rows.len() - PRECISIONS.len();
                 let base = rows[from].seconds.clone();
@@ -156,30 +185,40 @@ impl Bench {
         Ok(())
     }
 
+    /// How many rays the exact reference can judge in a third of the time.
+    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch) -> u32 {
+        let Some(left) = stretch.left() else { return self.sample };
+        let (rays, _) = sampled(&kind.source, &[], TRIED.min(self.sample));
+        let begin = Instant::now();
+        // Whatever the hits are, it takes as long.
+        std::hint::black_box(accuracy::sample(triangles, &rays, &[], kind.query));
+        let per_ray = begin.elapsed().as_secs_f64() / rays.len().max(1) as f64;
+        let most = left.as_secs_f64() / 3.0 / PRECISIONS.len() as f64 / per_ray.max(1e-9);
+        self.sample.min((most as u32).max(TRIED))
+    }
+
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind) -> Result<[Timed; 3]> {
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
-        let tasks = tasks_of(kind.source.len(), TASK);
         let mut timed = [(); 3].map(|()| Timed::default());
-        let begin = Instant::now();
-        for round in 0..=self.runs as usize {
-            if round > 1 && self.share.is_some_and(|share| begin.elapsed() > share) {
-                break;
-            }
+        let stretch = stretch.clone().with_steps(PRECISIONS.len(), self.runs + 1);
+        for round in stretch.rounds(self.runs) {
+            let round = round as usize;
             for turn in 0..PRECISIONS.len() {
                 if interrupt::requested() {
                     bail!("interrupted");
                 }
                 // Rotated, and every other round backwards: each precision follows each other one equally often.
-                let place = if round % 2 == 0 { turn } else { PRECISIONS.len() - 1 - turn };
+                let place = if round.is_multiple_of(2) { turn } else { PRECISIONS.len() - 1 - turn };
                 let which = (round / 2 + place) % PRECISIONS.len();
                 let spec = StreamSpec { query: kind.query, precision: PRECISIONS[which], counts: false };
-                let launch = launch(tracer.as_mut(), &kind.source, spec, &tasks).with_context(fails)?;
+                let launch = launch(tracer.as_mut(), &kind.source, spec).with_context(fails)?;
                 if round > 0 {
                     timed[which].seconds.push(launch.span.duration().as_secs_f64());
                 }
                 timed[which].hits = launch.hits;
+                stretch.step();
             }
         }
         Ok(timed)
@@ -187,37 +226,44 @@ impl Bench {
 
     fn row(
         &self,
-        device: &dyn Device,
+        named: &Named,
         kind: &Kind,
         precision: Precision,
-        timed: &Timed,
-        accuracy: Accuracy,
-        triangles: &[rt_core::Triangle],
-    ) -> Result<Row> {
+        (timed, accuracy, exact): (&Timed, Accuracy, Sampled),
+    ) -> Row {
         let speeds: Vec<f64> = timed.seconds.iter().map(|s| f64::from(kind.source.len()) / s / 1e6).collect();
-        let (rays, hits) = self.sampled(&kind.source, &timed.hits);
-        Ok(Row {
+        let info = named.device.info();
+        Row {
             scene: self.prepared.model.source.clone(),
-            triangles: triangles.len(),
-            device: device.info().name.clone(),
-            backend: device.info().backend,
+            triangles: self.prepared.model.indices.len(),
+            device: info.name.clone(),
+            entry: named.entry.clone(),
+            backend: info.backend,
             rays: kind.name,
             precision: precision.name(),
+            kernel: if named.card.is_some() { Precision::Robust.name() } else { precision.name() },
             mray_s: Summary::new(&speeds),
             // Known when all three are.
             time_over_fast: Summary::new(&[]),
             accuracy,
-            exact: accuracy::sample(triangles, &rays, &hits, kind.query),
+            exact,
             seconds: timed.seconds.clone(),
-        })
+        }
     }
 
-    /// Evenly spread rays and their hits.
-    fn sampled(&self, source: &RaySource, hits: &[Hit]) -> (Vec<(Ray, u32)>, Vec<Hit>) {
-        let count = self.sample.min(source.len());
-        let index = |k: u32| (u64::from(k) * u64::from(source.len()) / u64::from(count.max(1))) as u32;
-        (0..count).map(index).map(|i| (source.ray(i), hits[i as usize])).unzip()
+    /// What the exact reference says of evenly spread rays.
+    fn judged(&self, kind: &Kind, timed: &Timed, sample: u32, triangles: &[Triangle]) -> Sampled {
+        let (rays, hits) = sampled(&kind.source, &timed.hits, sample);
+        accuracy::sample(triangles, &rays, &hits, kind.query)
     }
+}
+
+/// Evenly spread rays and their hits, as far as there are any.
+fn sampled(source: &RaySource, hits: &[Hit], sample: u32) -> (Vec<(Ray, u32)>, Vec<Hit>) {
+    let count = sample.min(source.len());
+    let index = |k: u32| (u64::from(k) * u64::from(source.len()) / u64::from(count.max(1))) as u32;
+    let hit = |i: u32| hits.get(i as usize).copied().unwrap_or(Hit::MISS);
+    (0..count).map(index).map(|i| (source.ray(i), hit(i))).unzip()
 }
 
 /// The runs of one precision.
@@ -227,19 +273,11 @@ struct Timed {
     hits: Vec<Hit>,
 }
 
-fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec, tasks: &[Task]) -> Result<Launch> {
-    tracer.load_rays(source.clone(), spec)?;
-    let ticket = tracer.submit(tasks, None)?;
-    let mut launch = Launch::default();
-    tracer.wait(ticket, LIMIT, &mut launch)?;
-    Ok(launch)
-}
-
 /// A panel for each scene and device.
 fn fronts(report: &Report) -> Vec<Front> {
     let mut fronts: Vec<Front> = Vec::new();
     for row in &report.rows {
-        let title = format!("{}, {}", row.scene, row.device);
+        let title = format!("{}, {}: {}", row.scene, row.entry, row.device);
         if fronts.last().is_none_or(|front| front.title != title) {
             fronts.push(Front { title, points: Vec::new() });
         }

@@ -11,7 +11,7 @@ use std::io::Write;
 pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
     writeln!(
         file,
-        "scene,triangles,device,backend,rays,precision,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
+        "scene,triangles,device,entry,backend,rays,precision,kernel,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
          time_over_fast_high,rays_compared,false_miss_ppm,false_miss_ppm_low,false_miss_ppm_high,false_hit_ppm,other_id_ppm,\
          t_ulp_p50,t_ulp_p99,t_ulp_max,exact_rays,exact_ambiguous,exact_wrong"
     )?;
@@ -24,13 +24,15 @@ pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
         let [low, high] = a.false_misses.bounds_ppm;
         writeln!(
             file,
-            "{},{},{},{},{},{},{},{},{},{:.4},{low:.4},{high:.4},{:.4},{:.4},{ulp},{},{},{}",
+            "{},{},{},{},{},{},{},{},{},{},{},{:.4},{low:.4},{high:.4},{:.4},{:.4},{ulp},{},{},{}",
             quoted(&row.scene),
             row.triangles,
             quoted(&row.device),
+            row.entry,
             row.backend,
             row.rays,
             row.precision,
+            row.kernel,
             interval(&row.mray_s),
             interval(&row.time_over_fast),
             a.rays,
@@ -49,7 +51,8 @@ pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
 pub(super) fn tables(rows: &[Row]) -> Vec<(String, Table)> {
     let mut tables: Vec<(String, Table)> = Vec::new();
     for row in rows {
-        let title = format!("{}, {} triangles, on {}", row.scene, grouped(row.triangles as u64), row.device);
+        let title =
+            format!("{}, {} triangles, on {}: {}", row.scene, grouped(row.triangles as u64), row.entry, row.device);
         if tables.last().is_none_or(|(last, _)| *last != title) {
             tables.push((title, new_table()));
         }
@@ -79,7 +82,7 @@ fn new_table() -> Table {
         "precision",
         "Mray/s",
         "time/fast",
-        "95%",
+        "interval",
         "false miss ppm",
         "95%",
         "false hit",
@@ -117,7 +120,7 @@ pub(super) fn markdown(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
             file,
             "| {} | {} | {} | {}, {}, {} | {}, {} | {} | {} | {} | {}, {}, {} of {} | {} | {} |",
             short(&fast.scene),
-            fast.backend,
+            fast.entry,
             fast.rays,
             ppm(a.false_misses.ppm),
             ppm(a.false_hits.ppm),

@@ -3,18 +3,19 @@
 use super::estimators::{KINDS, Kind};
 use crate::experiment::Subject;
 use crate::tradeoff::Setting;
+use crate::tradeoff::stretch::Stretch;
 use anyhow::{Context, Result};
-use indicatif::ProgressBar;
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::report::{ErrorReport, StreamRun};
 use rt_balance::stats::Summary;
-use rt_balance::{Scheduling, Stream};
-use rt_core::{CostEstimator, StreamKind};
+use rt_balance::{Scheduling, Stream, clock};
+use rt_core::{CostEstimator, Device, DeviceErrorKind, StreamKind, TestCounts};
 use rt_sched::estimate::Uniform;
 use rt_sched::metrics;
 use rt_sched::policy::{Block, RoundRobin};
 use rt_sched::sample::Fraction;
 use serde::Serialize;
+use std::sync::Arc;
 
 /// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
 const MACHINES: [(&str, &[f64]); 4] =
@@ -88,6 +89,19 @@ const QUICK_FRACTIONS: [f64; 2] = [1.0 / 8.0, 1.0 / 64.0];
 const TASK_SIZES: [u32; 4] = [64, 256, 1024, 4096];
 const QUICK_TASK_SIZES: [u32; 2] = [256, 1024];
 
+/// The fractions and the task sizes that are swept.
+const fn swept(quick: bool) -> (&'static [f64], &'static [u32]) {
+    if quick { (&QUICK_FRACTIONS, &QUICK_TASK_SIZES) } else { (&FRACTIONS, &TASK_SIZES) }
+}
+
+/// How often a round traces the rays of a picture: for each kind of rays and task size every setting and the plain run beside it, and
+/// once more each task alone.
+pub(super) fn passes(quick: bool) -> f64 {
+    let (fractions, task_sizes) = swept(quick);
+    let all: Vec<&Kind> = KINDS.iter().collect();
+    2.0 * task_sizes.len() as f64 * (2.0 * tries(&all, fractions).len() as f64 + 1.0)
+}
+
 /// Regular tasks: what estimates must beat.
 const REGULAR: [&str; 3] = ["none, hybrid queue", "none, static round robin", "none, static blocks"];
 
@@ -99,20 +113,18 @@ struct Try<'a> {
 
 impl<'a> Sweep<'a> {
     pub(super) fn new(setting: &'a Setting<'a>) -> Self {
-        let quick = setting.args.quick;
-        Self {
-            setting,
-            fractions: if quick { &QUICK_FRACTIONS } else { &FRACTIONS },
-            task_sizes: if quick { &QUICK_TASK_SIZES } else { &TASK_SIZES },
-        }
+        let (fractions, task_sizes) = swept(setting.args.quick);
+        Self { setting, fractions, task_sizes }
     }
 
-    /// All settings on one scene.
-    pub(super) fn measure(&self, scene: &str) -> Result<Vec<Cell>> {
+    /// All settings on one scene, and the names of estimators for which the device has no walk.
+    pub(super) fn measure(&self, scene: &str, stretch: &Stretch) -> Result<(Vec<Cell>, Vec<&'static str>)> {
         let mut subject = Subject::open(scene, &self.setting.args.source, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
-        let tries = self.tries();
-        let bar = self.setting.bar("sampling", streams.len() * self.task_sizes.len() * tries.len());
+        let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
+        let tries = tries(&offered, self.fractions);
+        let steps = streams.len() * self.task_sizes.len() * tries.len();
+        let stretch = stretch.clone().with_steps(steps, self.setting.repeat + 1);
         let mut cells = Vec::new();
         for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
             for &size in self.task_sizes {
@@ -121,13 +133,13 @@ impl<'a> Sweep<'a> {
             }
         }
         // Rounds are outermost, so that a machine whose speed drifts slows all settings alike.
-        for round in self.setting.rounds() {
+        for round in stretch.rounds(self.setting.repeat) {
             let mut cells = cells.iter_mut();
             for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
                 for &size in self.task_sizes {
                     let seed = self.setting.args.seed.wrapping_add(round);
                     let stream = Stream { seed, ..stream.clone().with_task_size(size) };
-                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &bar)?;
+                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &stretch)?;
                     let Some(cells) = cells.next() else { break };
                     if round > 0 {
                         cells.iter_mut().zip(measured).for_each(|(cell, sample)| cell.push(seed, sample));
@@ -135,22 +147,11 @@ impl<'a> Sweep<'a> {
                 }
             }
         }
-        bar.finish_and_clear();
         let mut cells: Vec<Cell> = cells.into_iter().flatten().collect();
         for metric in cells.iter_mut().flat_map(|cell| &mut cell.samples) {
             metric.summary = Summary::new(&metric.values);
         }
-        Ok(cells)
-    }
-
-    fn tries(&self) -> Vec<Try<'static>> {
-        let mut tries = Vec::new();
-        for kind in &KINDS {
-            let every = kind.every_ray.then_some(1.0);
-            let fractions = every.into_iter().chain(self.fractions.iter().copied()).filter_map(Fraction::new);
-            tries.extend(fractions.map(|fraction| Try { kind, fraction }));
-        }
-        tries
+        Ok((cells, missing))
     }
 
     fn cells(&self, scene: &str, stream: &Stream, task_rays: u32, tries: &[Try<'_>]) -> Vec<Cell> {
@@ -181,7 +182,7 @@ impl<'a> Sweep<'a> {
         stream: &Stream,
         tries: &[Try<'_>],
         round: usize,
-        bar: &ProgressBar,
+        stretch: &Stretch,
     ) -> Result<Vec<([f64; 3], Sample)>> {
         let reference = subject.balancer.reference(stream, 1)?;
         let task_s = reference.seconds.first().context("the device failed")?;
@@ -200,10 +201,47 @@ impl<'a> Sweep<'a> {
                     slot.1[EXCESS..].copy_from_slice(&excess);
                 }
             }
-            bar.inc(1);
+            stretch.step();
         }
         Ok(samples)
     }
+}
+
+/// Estimators whose walk every device has, and the names of the others: graphics cards lack walks that need tables.
+fn offered(
+    devices: &[Arc<dyn Device>],
+    subject: &Subject,
+    streams: &[Stream],
+) -> Result<(Vec<&'static Kind>, Vec<&'static str>)> {
+    let Some(stream) = streams.iter().find(|stream| !stream.source.is_empty()) else {
+        return Ok((KINDS.iter().collect(), Vec::new()));
+    };
+    let scene = Arc::new(subject.scene().clone());
+    let mut missing = Vec::new();
+    for device in devices {
+        let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
+        tracer.load_rays(stream.source.clone(), stream.spec)?;
+        for kind in &KINDS {
+            let Some(walk) = (kind.make)(Fraction::SIXTY_FOURTH).walk() else { continue };
+            match tracer.walk(&[0], walk, &mut [TestCounts::default()], None) {
+                Err(error) if error.kind() == DeviceErrorKind::Unsupported => missing.push(kind.name),
+                // Anything else is told where it is measured.
+                _ => {}
+            }
+        }
+    }
+    Ok((KINDS.iter().filter(|kind| !missing.contains(&kind.name)).collect(), missing))
+}
+
+/// Every estimator with every fraction, and walks of all rays where they are wanted.
+fn tries(kinds: &[&'static Kind], fractions: &[f64]) -> Vec<Try<'static>> {
+    let mut tries = Vec::new();
+    for &kind in kinds {
+        let every = kind.every_ray.then_some(1.0);
+        let fractions = every.into_iter().chain(fractions.iter().copied()).filter_map(Fraction::new);
+        tries.extend(fractions.map(|fraction| Try { kind, fraction }));
+    }
+    tries
 }
 
 fn run(subject: &mut Subject, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {

@@ -5,14 +5,23 @@ mod measure;
 mod write;
 
 use super::Setting;
+use crate::args::TradeArgs;
 use crate::html::Page;
 use anyhow::Result;
 
+/// Two streams, each beside plain ones, in tasks of every size.
+pub(super) fn passes(args: &TradeArgs) -> f64 {
+    measure::passes(args.quick)
+}
+
 pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let sweep = measure::Sweep::new(setting);
-    let mut cells = Vec::new();
-    for scene in &setting.args.scenes {
-        cells.extend(sweep.measure(scene)?);
+    let (mut cells, mut missing) = (Vec::new(), Vec::new());
+    let scenes = &setting.args.scenes;
+    for (index, scene) in scenes.iter().enumerate() {
+        let (more, lacking) = sweep.measure(scene, &setting.stretch.equal_part(scenes.len(), index))?;
+        cells.extend(more);
+        missing = lacking;
     }
-    write::all(setting, &cells, page)
+    write::all(setting, &cells, &missing, page)
 }

@@ -17,7 +17,7 @@ const PAPER_OVERHEAD: [f64; 2] = [0.032, 0.041];
 const PAPER_ERROR: [f64; 2] = [0.032, 0.041];
 const PAPER_FRACTION: f64 = 0.125;
 
-pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], page: &mut Page) -> Result<()> {
+pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page: &mut Page) -> Result<()> {
     page.section("Samples against accuracy");
     let scenes = scenes(cells);
     for &scene in &scenes {
@@ -41,14 +41,20 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], page: &mut Page) -> Res
     let sweep = sweep_table(cells);
     page.table("The paper's numbers beside ours, in percent", &paper);
     page.paragraph(NOTES);
+    let left_out = (!missing.is_empty()).then(|| {
+        format!("Left out, as {} has no kernel for their walks: {}.", setting.head.device, missing.join("; "))
+    });
+    left_out.iter().for_each(|text| page.paragraph(text));
     page.folded_table("Every setting, medians in percent", &sweep);
-    println!("samples against accuracy, in percent\n{paper}");
+    setting.stretch.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"));
+    left_out.iter().for_each(|text| setting.stretch.print(&format!("  {text}")));
     let command = &setting.head.command;
     let markdown = format!(
-        "`{command}`\n\n{}\n\n## The paper's numbers beside ours, in percent\n\n{}\n{NOTES}\n\n## Every setting, medians in \
+        "`{command}`\n\n{}\n\n## The paper's numbers beside ours, in percent\n\n{}\n{NOTES} {}\n\n## Every setting, medians in \
          percent\n\n{}",
         setting.head.machine,
         paper.to_markdown(),
+        left_out.as_deref().unwrap_or_default(),
         sweep.to_markdown()
     );
     setting.write("sampling.md", &markdown)?;
@@ -96,6 +102,8 @@ fn chart(scene: &str, cells: &[Cell]) -> Chart {
         let series = |name: &&str| Series {
             name: (*name).to_owned(),
             points: own.iter().filter(|cell| cell.estimator == *name).map(point).collect(),
+            // Of a hundred points they would hide the fronts.
+            intervals: Vec::new(),
         };
         let kind = usize::from(!own.first().is_some_and(|cell| cell.is_primary()));
         let paper = || ([100.0 * PAPER_OVERHEAD[kind], 100.0 * PAPER_ERROR[kind]], "paper, 2013".to_owned());
@@ -115,7 +123,7 @@ fn chart(scene: &str, cells: &[Cell]) -> Chart {
             panel(stream, "makespan on 3 devices", "excess over the lower bound", EXCESS_OF_3),
         ]
     });
-    Chart { title: format!("{scene}: samples against accuracy"), panels: panels.collect() }
+    Chart { title: format!("{scene}: samples against accuracy"), panels: panels.collect(), columns: 3 }
 }
 
 /// A share in percent; a dash where there is none.

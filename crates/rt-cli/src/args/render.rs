@@ -1,0 +1,59 @@
+//! Options of `raybalance render`.
+
+use super::parse::{parse_bytes, parse_size, parse_vec3};
+use super::{BalanceArgs, SceneArgs};
+use clap::Parser;
+use glam::Vec3;
+use std::path::PathBuf;
+
+#[derive(Debug, Parser)]
+pub(crate) struct RenderArgs {
+    /// yard, car, or an OBJ file [default: yard]
+    pub(crate) scene: Option<String>,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    pub(crate) balance: BalanceArgs,
+    /// Size of the picture in pixels
+    #[arg(long, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
+    pub(crate) size: [u32; 2],
+    /// Rays per pixel
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    pub(crate) spp: u32,
+    /// Diffuse bounces
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    pub(crate) bounces: u32,
+    /// Frames of a slow orbit about the target
+    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub(crate) frames: u32,
+    /// Camera position, such as 1,1.5,4
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) eye: Option<Vec3>,
+    /// Point the camera looks at
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) target: Option<Vec3>,
+    /// Which way is up
+    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) up: Option<Vec3>,
+    /// Vertical field of view in degrees
+    #[arg(long, value_name = "DEGREES")]
+    pub(crate) fov: Option<f32>,
+    /// Memory for rays and hits in flight, such as 512M or 2G; larger streams run in waves
+    #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
+    pub(crate) memory: u64,
+    /// Measure every task by itself in separate passes, so that excess and estimation errors are known
+    #[arg(long)]
+    pub(crate) reference: bool,
+    /// Folder for image.png, cost.png, timeline.svg, trace.json, report.json and report.html
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Print the report as JSON instead of tables
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+impl Default for RenderArgs {
+    fn default() -> Self {
+        Self::parse_from(["render"])
+    }
+}

@@ -1,0 +1,30 @@
+//! Options of `raybalance trace`.
+
+use super::{BalanceArgs, SceneArgs};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub(crate) struct TraceArgs {
+    /// yard, car, or an OBJ file
+    pub(crate) scene: String,
+    #[command(flatten)]
+    pub(crate) source: SceneArgs,
+    #[command(flatten)]
+    pub(crate) balance: BalanceArgs,
+    /// Rays: N×8 little-endian float32 NumPy array (ox oy oz tmin dx dy dz tmax)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) rays: PathBuf,
+    /// Hits to write: N×4 float32 (t, u, v, bits of the primitive id; a miss has t = inf and id 0xffffffff)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hits: PathBuf,
+    /// Counts to write: N×2 uint32 (box tests, triangle tests)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) counts: Option<PathBuf>,
+    /// Stop at any hit instead of the nearest
+    #[arg(long)]
+    pub(crate) any: bool,
+    /// Print the report as JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
