@@ -59,6 +59,11 @@ impl<'a> Batch<'a> {
         })
     }
 
+    /// Whether every task that has rays has a sample.
+    pub(super) fn reaches_all(&self) -> bool {
+        self.tasks().all(|(task, rays, _)| task.rays == 0 || !rays.is_empty())
+    }
+
     /// Each task's samples scaled to all its rays, with their standard error.
     pub(super) fn extrapolated(&self) -> Vec<Work> {
         let sampler = RaySampler::for_kind(self.stream.kind);
