@@ -25,8 +25,8 @@ use trial::{Part, Trial};
 ///   Where it is less than four a task, and little can be lost, none are made and every ray counts the same
 ///   ([`super::Uniform`]): many small tasks on few equal devices, where a queue that steals has little to lose.
 /// * **Whom to believe.** From the second stream of a kind and part there is its measured past ([`super::History`]), for
-///   nothing. Otherwise samples are walked, and scaled up task by task ([`super::Sampled`]) or, where rays are
-///   incoherent or some tasks have none, made into a map of costs ([`super::Field`]).
+///   nothing. Otherwise samples are walked, and each task's are scaled up ([`super::Sampled`]); or they are made into a map of
+///   costs ([`super::Field`]) where some tasks have none, and where rays are incoherent and a trial has found it better.
 /// * **Trials.** In the second stream of a kind, and in every eighth after it, all three are compared with the measured
 ///   seconds of tasks, device by device; where there is a debt to pay first, later. One sample serves all of them. Where the
 ///   past predicts the stream meanwhile, only a quarter of the tasks is sampled; a map that is not used is made of a
@@ -175,12 +175,13 @@ impl Auto {
         self.known(kind)?.errors.get(arm as usize).copied().flatten()
     }
 
-    /// The better of the two that need samples; before both are known, the map where rays are incoherent.
+    /// The better of the two that need samples; before both are known their own, which cost the host a tenth of a new map and
+    /// know as much.
     fn sampling_arm(&self, stream: RayStream<'_>) -> Arm {
         let [own, map] = [Arm::Exact, Arm::Field].map(|arm| self.error(stream.kind, arm));
         let map_is_better = match (own, map) {
             (Some(own), Some(map)) => map < own,
-            _ => true,
+            _ => false,
         };
         if stream.source.is_some() && !stream.kind.is_coherent() && map_is_better { Arm::Field } else { Arm::Exact }
     }

@@ -36,7 +36,7 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
 
-/// On the simulator, sampling as long as it pays comes within 1.5% of the best fixed fraction, whatever a walk costs, and no
+/// On the simulator, sampling as long as it pays comes within 3% of the best fixed fraction, whatever a walk costs, and no
 /// fixed fraction does so for every price.
 ///
 /// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
@@ -60,12 +60,12 @@ fn adaptive_samples_are_worth_their_price() {
             mean(&|| Box::new(Sampled::new(Walk::Full, fraction)), devices, price)
         });
         let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(adaptive < 1.015 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
+        assert!(adaptive < 1.03 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
         for (worst, own) in worst_fixed.iter_mut().zip(fixed) {
             *worst = worst.max(own / best);
         }
     }
-    assert!(worst_fixed.iter().all(|worst| *worst > 1.015), "{worst_fixed:?}");
+    assert!(worst_fixed.iter().all(|worst| *worst > 1.03), "{worst_fixed:?}");
 }
 
 /// Samples go where intervals are wide, and nowhere when there is nothing to balance.
@@ -211,6 +211,20 @@ fn auto_pays_its_debts() {
     }
 }
 
+/// Prices that change from stream to stream are believed too late, and cost more than is saved when they fall.
+///
+/// Mutant: debts that are forgotten.
+#[test]
+fn auto_pays_for_prices_it_believed() {
+    let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
+    let parts = |seed| RayStream { part: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
+    let mut auto = Auto::default();
+    let [cheap, dear] = [1.5, 4.0];
+    let cost: f64 =
+        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { dear }, 0.0).0).sum();
+    assert!(cost / 32.0 <= 0.0055, "{}", cost / 32.0);
+}
+
 /// An estimate costs no more than half of what can be gained, and none is made where that is too little.
 ///
 /// Mutants: `STAKE` of 2; a host that costs nothing; `counts_tests` that is always true.
@@ -244,10 +258,12 @@ fn auto_estimates_nothing_where_nothing_pays() {
     assert!(near(auto.fraction(stream(1.0)), 0.005 / 0.5), "the budget");
 }
 
-/// A past that no longer holds is given up.
+/// A past that no longer holds is given up after a trial on a quarter of the tasks.
+///
+/// Mutants: a past that is always believed; a part that is compared with all that was measured.
 #[test]
 fn auto_leaves_a_past_that_is_wrong() {
-    let tasks = tasks_of(64 * 1_024, 1_024);
+    let tasks = tasks_of(256 * 1_024, 1_024);
     let mut auto = Auto::default();
     for seed in 0..12 {
         // Every frame is dear elsewhere.
@@ -263,21 +279,23 @@ fn auto_leaves_a_past_that_is_wrong() {
     }
 }
 
-/// What predicted measured seconds best makes the next estimate.
+/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in different
+/// places.
 ///
-/// Mutants: the worst instead of the best in `Auto::best`; errors of the chosen arm only.
+/// Mutants: the worse of the two in `Auto::sampling_arm`; errors of the chosen arm only.
 #[test]
 fn auto_believes_the_map_where_it_predicts_better() {
-    let source = super::learned::bounced(4);
+    let source = super::learned::scattered(4, 128);
     let counts = |ray| super::learned::cost(&source, ray);
-    let tasks = tasks_of(source.len(), 256);
+    let tasks = tasks_of(source.len(), 512);
     let mut auto = Auto::default();
     for seed in 0..4 {
         // Every stream is another part of the picture, so none has a past.
         let stream =
             RayStream { source: Some(&source), part: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
         let (work, walked) = estimate(&mut auto, stream, &counts);
-        assert_eq!(auto.chosen(), "field", "stream {seed}");
+        // Nothing is known in the first stream, and the second is the trial.
+        assert_eq!(auto.chosen(), if seed < 2 { "exact" } else { "field" }, "stream {seed}");
         run(&mut auto, stream, &work, &counts, walked);
     }
 }
