@@ -118,8 +118,8 @@ fn compare(
             let load = |device: &VulkanDevice| -> Result<Box<dyn Tracer>, Box<dyn Error>> {
                 let mut tracer = device.tracer(Arc::clone(&built.scene), clock)?;
                 tracer.load_rays(source.clone(), spec)?;
-                // Compiles the kernel.
-                launch(&mut *tracer, 1)?;
+                // Compiles the kernel and makes the rays.
+                launch(&mut *tracer, source.len())?;
                 Ok(tracer)
             };
             Some([load(&devices[0])?, load(&devices[1])?])

@@ -2,14 +2,13 @@
 
 use crate::buffer::{Buffer, Use};
 use crate::device::Shared;
-use crate::launch::Slot;
-use crate::maker::Maker;
+use crate::launch::{Job, Slot};
 use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Recipe, Trees, Tuning, Work};
+use rt_gpu::{Answer, Board, Flight, GpuScene, Layout, Order, PATIENCE, Trees, Tuning, Work};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -42,8 +41,6 @@ pub(crate) struct Gpu {
     resident: Resident,
     /// The windows: as many rays in each but the last.
     rays: Vec<Buffer>,
-    /// Made for the first rays that the device makes.
-    maker: Option<Maker>,
     /// As many as kernels were in flight at once.
     slots: Vec<Slot>,
     /// Kernels in flight with the slot and the number of items of each.
@@ -61,7 +58,6 @@ impl VulkanBoard {
             timeline: Timeline::new(logical)?,
             uploader: Uploader::new(logical)?,
             rays: Vec::new(),
-            maker: None,
             slots: Vec::new(),
             busy: Vec::new(),
         };
@@ -70,23 +66,6 @@ impl VulkanBoard {
         board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
         board.shared.logical.check_validation()?;
         Ok(board)
-    }
-
-    /// Runs the kernel for `purpose` over nothing, if it never ran.
-    fn run_first(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
-        let (layout, depth) = self.trees.of(purpose);
-        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        if !pipeline.is_to_run_first() {
-            return Ok(());
-        }
-        self.on_gpu(|shared, gpu| {
-            let index = gpu.free_slot(shared)?;
-            let Gpu { timeline, resident, slots, .. } = gpu;
-            // No ray is read: any buffer will do.
-            let [.., frame] = resident.bindings(layout);
-            let value = slots[index].start(resident, frame, pipeline, &Work::nothing(), false, timeline)?;
-            timeline.wait(value, PATIENCE)
-        })
     }
 
     /// Does something on the device; once that is lost or hangs, nothing any more.
@@ -138,14 +117,25 @@ impl Board for VulkanBoard {
         self.tuning.persistent_lanes
     }
 
-    fn prepare(&mut self, purpose: Purpose) {
-        if matches!(purpose, Purpose::Camera | Purpose::Bounce) {
-            // The kernel is compiled to find out.
-            let _ = self.tuning.host_rays || self.shared.makes(purpose);
-        } else {
-            // Whoever uses the kernel is told what is wrong.
-            let _ = self.run_first(purpose);
+    fn makes(&mut self, purpose: Purpose) -> bool {
+        !self.tuning.host_rays && self.shared.makes(purpose)
+    }
+
+    fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let (layout, depth) = self.trees.of(purpose);
+        let tracing = self.shared.pipeline(layout, purpose, depth)?;
+        if !tracing.is_to_warm_up() {
+            return Ok(());
         }
+        self.on_gpu(|shared, gpu| {
+            let index = gpu.free_slot(shared)?;
+            let Gpu { timeline, resident, slots, .. } = gpu;
+            // No ray is read: any buffer will do.
+            let [.., frame] = resident.bindings(layout);
+            let job = Job { making: None, tracing, work: &Work::nothing(), counted: false };
+            let value = slots[index].start(resident, frame, job, timeline)?;
+            timeline.wait(value, PATIENCE)
+        })
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
@@ -173,31 +163,28 @@ impl Board for VulkanBoard {
         })
     }
 
-    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
-        if self.tuning.host_rays || !self.shared.makes(recipe.purpose) {
-            return Ok(false);
-        }
-        self.on_gpu(|shared, Gpu { timeline, uploader, resident, rays, maker, .. }| {
-            let rays = rays.get(window as usize).ok_or_else(unreserved)?;
-            let maker = match maker {
-                Some(maker) => maker,
-                None => maker.insert(Maker::new(shared)?),
-            };
-            maker.make(shared, (uploader, timeline), resident, rays, recipe)?;
-            shared.logical.check_validation()?;
-            Ok(true)
-        })
-    }
-
-    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
+    fn start(
+        &mut self,
+        purpose: Purpose,
+        window: u32,
+        work: &Work,
+        order: Option<&Order>,
+    ) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
-        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        let tracing = self.shared.pipeline(layout, purpose, depth)?;
+        let making =
+            order.map(|order| Ok((self.shared.pipeline(Layout::Two, order.purpose(), 0)?, order))).transpose()?;
         self.on_gpu(|shared, gpu| {
             let index = gpu.free_slot(shared)?;
             let Gpu { timeline, resident, rays, slots, busy, .. } = gpu;
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
             shared.logical.count_launch();
-            let value = slots[index].start(resident, rays, pipeline, work, purpose.counts(), timeline)?;
+            let value = slots[index].start(
+                resident,
+                rays,
+                Job { making, tracing, work, counted: purpose.counts() },
+                timeline,
+            )?;
             busy.push((Flight(value), index, work.items()));
             Ok(Flight(value))
         })

@@ -10,10 +10,10 @@ use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, bounce, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trials, Trouble, Tuning, bounce, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 /// How to open devices.
 #[derive(Clone, Copy, Debug, Default)]
@@ -74,7 +74,7 @@ pub(crate) struct Shared {
     trouble: Option<Trouble>,
     kernels: Option<Replacement>,
     /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
-    makes: [OnceLock<bool>; 2],
+    trials: Trials,
     pub abandoned: Abandoned,
     pub logical: Arc<Logical>,
 }
@@ -137,7 +137,7 @@ impl VulkanDevice {
             layout: Arc::new(layout),
             trouble: options.trouble,
             kernels: options.kernels,
-            makes: [const { OnceLock::new() }; 2],
+            trials: Trials::default(),
             abandoned: Abandoned::default(),
             logical,
         };
@@ -224,15 +224,7 @@ impl GpuDevice for VulkanDevice {
 impl Shared {
     /// Whether a kernel that makes rays makes those of the host.
     pub(crate) fn makes(&self, purpose: Purpose) -> bool {
-        let [camera, bounce] = &self.makes;
-        // A device that is lost will say so when it is used.
-        match purpose {
-            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
-            Purpose::Bounce => {
-                *bounce.get_or_init(|| matches!(probe::check_bounces(self, &bounce::trials()), Ok(None)))
-            }
-            _ => false,
-        }
+        self.trials.passed(purpose, || probe::check_camera(self), |trials| probe::check_bounces(self, trials))
     }
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.

@@ -7,21 +7,53 @@ use crate::pipeline::{Bindings, Layout, Pipeline};
 use crate::timeline::Timeline;
 use crate::upload::Resident;
 use rt_core::{DeviceError, TestCounts};
-use rt_gpu::Work;
+use rt_gpu::{Order, Work};
 use std::sync::Arc;
 use std::time::Duration;
+
+/// What a launch does.
+#[derive(Debug)]
+pub(crate) struct Job<'a> {
+    /// The kernel that makes rays first, and what it is told.
+    pub making: Option<(Arc<Pipeline>, &'a Order)>,
+    /// The kernel that traces.
+    pub tracing: Arc<Pipeline>,
+    /// Which rays.
+    pub work: &'a Work,
+    /// Whether it counts.
+    pub counted: bool,
+}
 
 /// Room for one launch.
 #[derive(Debug)]
 pub(crate) struct Slot {
     logical: Arc<Logical>,
+    layout: Arc<Layout>,
     commands: Commands,
     bindings: Bindings,
     room: Room,
+    /// Made for the first rays that the device makes.
+    making: Option<Making>,
     /// Items that the last launch counted.
     counted: usize,
     /// What the last launch runs, kept until it is done.
-    pipeline: Option<Arc<Pipeline>>,
+    pipelines: [Option<Arc<Pipeline>>; 2],
+}
+
+/// Room for an order of up to `words` words.
+#[derive(Debug)]
+struct Making {
+    bindings: Bindings,
+    words: u32,
+    upload: Buffer,
+    order: Buffer,
+}
+
+impl Making {
+    fn new(logical: &Arc<Logical>, layout: &Arc<Layout>, words: u32) -> Result<Self, DeviceError> {
+        let buffer = |purpose| Buffer::new(logical, "what rays are made of", u64::from(words) * WORD, purpose);
+        Ok(Self { bindings: Bindings::new(layout)?, words, upload: buffer(Use::Upload)?, order: buffer(Use::Kernel)? })
+    }
 }
 
 /// Buffers for up to `items` rays that `words` words name, with counts for up to `counted`.
@@ -69,25 +101,28 @@ impl Slot {
     pub(crate) fn new(logical: &Arc<Logical>, layout: &Arc<Layout>) -> Result<Self, DeviceError> {
         Ok(Self {
             logical: Arc::clone(logical),
+            layout: Arc::clone(layout),
             commands: Commands::new(logical)?,
             bindings: Bindings::new(layout)?,
             room: Room::new(logical, [0; 3])?,
+            making: None,
             counted: 0,
-            pipeline: None,
+            pipelines: [None, None],
         })
     }
 
-    /// Traces the rays that `work` names of `rays`, and returns the value of the timeline that says it is done. The slot's
+    /// Makes and traces rays of `rays`, and returns the value of the timeline that says it is done. The slot's
     /// last launch is done.
     pub(crate) fn start(
         &mut self,
         scene: &Resident,
         rays: &Buffer,
-        pipeline: Arc<Pipeline>,
-        work: &Work,
-        counted: bool,
+        Job { making, tracing, work, counted }: Job<'_>,
         timeline: &mut Timeline,
     ) -> Result<u64, DeviceError> {
+        if let Some((_, order)) = &making {
+            self.fill_order(order, scene, rays)?;
+        }
         let (count, words) = (work.items(), work.words());
         let counts = if counted { count } else { 0 };
         let needed = [words.len() as u32, count, counts];
@@ -96,17 +131,25 @@ impl Slot {
             let [a, b, c] = needed;
             self.room = Room::new(&self.logical, [words.max(a), items.max(b), counted.max(c)])?;
         }
-        let Self { commands, bindings, room, .. } = self;
+        let Self { commands, bindings, room, making: made, .. } = self;
         room.upload.write(0, words);
-        let [nodes, triangles, primitives, frame] = scene.bindings(pipeline.tree());
+        let [nodes, triangles, primitives, frame] = scene.bindings(tracing.tree());
         bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
         commands.record(|to| {
             // The launch before this one may still be running: its kernel must not be timed with ours.
             to.barrier(Stage::Kernel, Stage::Copy);
             to.copy(&room.upload, &room.work, 0, size_of_val(words) as u64);
+            let making = making.as_ref().zip(made.as_ref());
+            if let Some(((_, order), made)) = making {
+                to.copy(&made.upload, &made.order, 0, size_of_val(order.words()) as u64);
+            }
             to.barrier(Stage::Copy, Stage::Kernel);
             to.stamp(0);
-            to.run(&pipeline, bindings, work.lanes());
+            if let Some(((kernel, order), made)) = making {
+                to.run(kernel, &made.bindings, order.count());
+                to.barrier(Stage::Kernel, Stage::Kernel);
+            }
+            to.run(&tracing, bindings, work.lanes());
             to.stamp(1);
             to.barrier(Stage::Kernel, Stage::Copy);
             if count > 0 {
@@ -118,8 +161,23 @@ impl Slot {
             to.barrier(Stage::Copy, Stage::Host);
         })?;
         self.counted = counts as usize;
-        self.pipeline = Some(pipeline);
+        self.pipelines = [Some(tracing), making.map(|(kernel, _)| kernel)];
         timeline.submit(self.commands.raw())
+    }
+
+    /// Writes an order to where it is copied from, and chooses its kernel's buffers.
+    fn fill_order(&mut self, order: &Order, scene: &Resident, rays: &Buffer) -> Result<(), DeviceError> {
+        let words = order.words().len() as u32;
+        let making = match self.making.take() {
+            Some(making) if making.words >= words => making,
+            _ => Making::new(&self.logical, &self.layout, words)?,
+        };
+        let Making { bindings, upload, order: buffer, .. } = self.making.insert(making);
+        upload.write(0, order.words());
+        let [tree, triangles, primitives, frame] = scene.bindings(rt_gpu::Layout::Two);
+        // Kernels that make rays read neither a list nor the last buffer.
+        bindings.choose([tree, triangles, primitives, frame, frame, buffer, rays, frame]);
+        Ok(())
     }
 
     /// What the kernel found for each item of the last launch, which is done.

@@ -9,8 +9,8 @@
 //!
 //! * Two layouts, of which [`Options`] choose, with one kernel each: single rays, for [`rt_core::Precision::Robust`]. The other precisions are
 //!   answered by it too: `Double` promises the same bits, `Fast` promises less.
-//! * Camera rays are made on the device, where a test of it shows the host's bits ([`GpuDevice::makes_rays`]). Other rays,
-//!   those of bounces too, are prepared on the host and uploaded.
+//! * Camera rays and rays of bounces are made on the device, where a trial of it shows the host's bits
+//!   ([`GpuDevice::makes_rays`]). A caller's own rays are prepared on the host and uploaded.
 //! * A launch has a lane for each ray. Persistent threads are there on request ([`Tuning`]): on lavapipe they gain nothing
 //!   (`cargo run --release -p rt-benches --bin launches`), and hardware was not measured.
 //! * Rays that start so close to a second triangle in the plane of their own that its side is lost in rounding, about
@@ -30,7 +30,6 @@ mod error;
 mod instance;
 mod launch;
 mod logical;
-mod maker;
 mod memory;
 mod pipeline;
 mod probe;

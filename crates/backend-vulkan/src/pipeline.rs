@@ -132,7 +132,7 @@ impl Pipeline {
     }
 
     /// Whether it never ran, which it is to do now: asked again, no.
-    pub(crate) fn is_to_run_first(&self) -> bool {
+    pub(crate) fn is_to_warm_up(&self) -> bool {
         !self.ran.swap(true, Ordering::Relaxed)
     }
 

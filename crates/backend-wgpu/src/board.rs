@@ -1,16 +1,16 @@
 //! One scene on one wgpu device.
 
 use crate::device::Shared;
-use crate::launch::Slot;
+use crate::launch::{Job, Slot};
 use crate::opened::Opened;
 use rt_bvh::offload::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, PATIENCE, Recipe, Trees, Tuning, Work};
+use rt_gpu::{Answer, Board, Flight, GpuScene, Order, PATIENCE, Trees, Tuning, Work};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
-use wgpu::{Buffer, BufferUsages, ComputePassDescriptor, SubmissionIndex};
+use wgpu::{Buffer, BufferUsages, SubmissionIndex};
 
 /// How long dropping a board waits for launches in flight. What is not done then is never freed.
 const DROP_LIMIT: Duration = Duration::from_secs(10);
@@ -76,20 +76,6 @@ impl WgpuBoard {
         }
         Ok(free.unwrap_or(self.slots.len() - 1))
     }
-
-    /// Runs the kernel for `purpose` over nothing, if it never ran.
-    fn run_first(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
-        let (layout, depth) = self.trees.of(purpose);
-        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
-        if !pipeline.is_to_run_first() {
-            return Ok(());
-        }
-        let index = self.free_slot()?;
-        let none = self.shared.opened.buffer("no rays", RAY, BufferUsages::STORAGE)?;
-        let [tree, triangles, primitives, frame] = bindings(&self.scene, &self.wide, layout);
-        self.slots[index].start([tree, triangles, primitives, frame, &none], &pipeline, &Work::nothing(), false)?;
-        self.slots[index].wait(PATIENCE, &mut |_| ())
-    }
 }
 
 /// What kernels over a layout find at bindings 0 to 3.
@@ -116,14 +102,22 @@ impl Board for WgpuBoard {
         self.tuning.persistent_lanes
     }
 
-    fn prepare(&mut self, purpose: Purpose) {
-        if matches!(purpose, Purpose::Camera | Purpose::Bounce) {
-            // The kernel is compiled to find out.
-            let _ = self.tuning.host_rays || self.shared.makes(purpose);
-        } else {
-            // Whoever uses the kernel is told what is wrong.
-            let _ = self.run_first(purpose);
+    fn makes(&mut self, purpose: Purpose) -> bool {
+        !self.tuning.host_rays && self.shared.makes(purpose)
+    }
+
+    fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let (layout, depth) = self.trees.of(purpose);
+        let tracing = self.shared.pipeline(layout, purpose, depth)?;
+        if !tracing.is_to_warm_up() {
+            return Ok(());
         }
+        let index = self.free_slot()?;
+        let none = self.shared.opened.buffer("no rays", RAY, BufferUsages::STORAGE)?;
+        let scene = bindings(&self.scene, &self.wide, layout);
+        let job = Job { making: None, tracing: &tracing, work: &Work::nothing(), counted: false };
+        self.slots[index].start(scene, &none, job)?;
+        self.slots[index].wait(PATIENCE, &mut |_| ())
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
@@ -152,44 +146,24 @@ impl Board for WgpuBoard {
         self.sender.send(buffer, u64::from(first % window) * RAY, bytemuck::cast_slice(rays))
     }
 
-    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
-        let shared = Arc::clone(&self.shared);
-        if self.tuning.host_rays || !shared.makes(recipe.purpose) {
-            return Ok(false);
-        }
-        let (opened, sender) = (&shared.opened, &mut self.sender);
-        let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
-        let mut upload = |what, bytes: &[u8]| -> Result<Buffer, DeviceError> {
-            let buffer = opened.buffer(what, bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?;
-            sender.send(&buffer, 0, bytes)?;
-            Ok(buffer)
-        };
-        let block = upload("how rays are made", recipe.block)?;
-        let list = upload("pixels or departures", bytemuck::cast_slice(recipe.list))?;
-        let parents = upload("numbers of rays", bytemuck::cast_slice(recipe.parents))?;
-        let pipeline = shared.pipeline(Layout::Two, recipe.purpose, 0)?;
-        let [tree, triangles, primitives, frame] = &self.scene;
-        let done = opened.scoped("make rays", DeviceErrorKind::Lost, || {
-            let buffers = [tree, triangles, primitives, frame, &list, &block, rays, &parents];
-            let bindings = pipeline.bind(&opened.device, buffers);
-            let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            pipeline.run(opened, &mut pass, &bindings, recipe.count);
-            drop(pass);
-            opened.queue.submit([encoder.finish()])
-        })?;
-        opened.wait(done, PATIENCE)?;
-        Ok(true)
-    }
-
-    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError> {
+    fn start(
+        &mut self,
+        purpose: Purpose,
+        window: u32,
+        work: &Work,
+        order: Option<&Order>,
+    ) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
-        let pipeline = self.shared.pipeline(layout, purpose, depth)?;
+        let tracing = self.shared.pipeline(layout, purpose, depth)?;
+        let making =
+            order.map(|order| Ok((self.shared.pipeline(Layout::Two, order.purpose(), 0)?, order))).transpose()?;
         let index = self.free_slot()?;
         let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
         self.shared.count_launch();
-        let [tree, triangles, primitives, frame] = bindings(&self.scene, &self.wide, layout);
-        self.slots[index].start([tree, triangles, primitives, frame, rays], &pipeline, work, purpose.counts())?;
+        let scene = bindings(&self.scene, &self.wide, layout);
+        let making = making.as_ref().map(|(kernel, order)| (&**kernel, *order));
+        let job = Job { making, tracing: &tracing, work, counted: purpose.counts() };
+        self.slots[index].start(scene, rays, job)?;
         self.started += 1;
         let flight = Flight(self.started);
         self.busy.push((flight, index));

@@ -6,11 +6,11 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trouble, Tuning, bounce, fault_of_llvmpipe};
+use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trials, Trouble, Tuning, bounce, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 /// How to open devices.
@@ -50,7 +50,7 @@ pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     options: Options,
     /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
-    makes: [OnceLock<bool>; 2],
+    trials: Trials,
     /// Launches so far, walks too.
     launches: AtomicU32,
     pub opened: Arc<Opened>,
@@ -105,7 +105,7 @@ impl WgpuDevice {
         let shared = Shared {
             pipelines: Mutex::default(),
             options,
-            makes: [const { OnceLock::new() }; 2],
+            trials: Trials::default(),
             launches: AtomicU32::default(),
             opened: Arc::new(opened),
         };
@@ -157,15 +157,7 @@ impl GpuDevice for WgpuDevice {
 impl Shared {
     /// Whether a kernel that makes rays makes those of the host.
     pub(crate) fn makes(&self, purpose: Purpose) -> bool {
-        let [camera, bounce] = &self.makes;
-        // A device that is lost will say so when it is used.
-        match purpose {
-            Purpose::Camera => *camera.get_or_init(|| matches!(probe::check_camera(self), Ok(None))),
-            Purpose::Bounce => {
-                *bounce.get_or_init(|| matches!(probe::check_bounces(self, &bounce::trials()), Ok(None)))
-            }
-            _ => false,
-        }
+        self.trials.passed(purpose, || probe::check_camera(self), |trials| probe::check_bounces(self, trials))
     }
 
     /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.

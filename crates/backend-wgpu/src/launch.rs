@@ -4,7 +4,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
-use rt_gpu::{Answer, Work};
+use rt_gpu::{Answer, Order, Work};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -19,11 +19,26 @@ const COUNTS: u64 = size_of::<TestCounts>() as u64;
 /// Bytes of two timestamps.
 const STAMPS: u64 = 16;
 
+/// What a launch does.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Job<'a> {
+    /// The kernel that makes rays first, and what it is told.
+    pub making: Option<(&'a Pipeline, &'a Order)>,
+    /// The kernel that traces.
+    pub tracing: &'a Pipeline,
+    /// Which rays.
+    pub work: &'a Work,
+    /// Whether it counts.
+    pub counted: bool,
+}
+
 /// Room for one launch.
 #[derive(Debug)]
 pub(crate) struct Slot {
     opened: Arc<Opened>,
     room: Room,
+    /// For what the device makes rays of.
+    order: Option<Buffer>,
     stamps: Option<Stamps>,
     running: Option<Running>,
 }
@@ -113,17 +128,15 @@ impl Stamps {
 impl Slot {
     pub(crate) fn new(opened: &Arc<Opened>) -> Result<Self, DeviceError> {
         let stamps = opened.tick.map(|tick| Stamps::new(opened, tick)).transpose()?;
-        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, [0; 3])?, stamps, running: None })
+        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, [0; 3])?, order: None, stamps, running: None })
     }
 
-    /// Traces the rays that `work` names. The slot's last launch is done. `inputs` are the buffers of bindings 0 to 4.
-    pub(crate) fn start(
-        &mut self,
-        inputs: [&Buffer; 5],
-        pipeline: &Pipeline,
-        work: &Work,
-        counted: bool,
-    ) -> Result<(), DeviceError> {
+    /// Makes and traces rays of `rays`. The slot's last launch is done. `scene` are the buffers of bindings 0 to 3.
+    pub(crate) fn start(&mut self, scene: [&Buffer; 4], rays: &Buffer, job: Job<'_>) -> Result<(), DeviceError> {
+        let Job { work, counted, .. } = job;
+        if let Some((_, order)) = job.making {
+            self.fill_order(order)?;
+        }
         let (count, words) = (work.items(), work.words());
         let counts = if counted { count } else { 0 };
         let needed = [words.len() as u32, count, counts];
@@ -134,11 +147,9 @@ impl Slot {
         let back = Back::new(count, counts);
         let Self { opened, room, .. } = &*self;
         opened.queue.write_buffer(&room.work, 0, bytemuck::cast_slice(words));
-        let [a, b, c, d, e] = inputs;
-        let buffers: [&Buffer; BUFFERS] = [a, b, c, d, e, &room.work, &room.found, &room.counts];
         let (tell, mapped) = sync_channel(1);
         let done = opened.scoped("start a launch", DeviceErrorKind::Lost, || {
-            let done = self.submit(pipeline, buffers, work.lanes(), back);
+            let done = self.submit(scene, rays, job, back);
             room.back.map_async(MapMode::Read, 0..back.size(), move |result| {
                 // Nobody listens any more when the launch was given up.
                 let _ = tell.send(result);
@@ -149,9 +160,30 @@ impl Slot {
         Ok(())
     }
 
-    fn submit(&self, pipeline: &Pipeline, buffers: [&Buffer; BUFFERS], lanes: u32, back: Back) -> SubmissionIndex {
-        let Self { opened, room, stamps, .. } = self;
-        let bindings = pipeline.bind(&opened.device, buffers);
+    /// Sends an order to the device.
+    fn fill_order(&mut self, order: &Order) -> Result<(), DeviceError> {
+        let bytes: &[u8] = bytemuck::cast_slice(order.words());
+        let size = bytes.len() as u64;
+        let buffer = match self.order.take() {
+            Some(buffer) if buffer.size() >= size => buffer,
+            _ => self.opened.buffer("what rays are made of", size, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
+        };
+        let Self { opened, order, .. } = self;
+        let buffer = order.insert(buffer);
+        opened.scoped("write a buffer", DeviceErrorKind::Lost, || opened.queue.write_buffer(buffer, 0, bytes))
+    }
+
+    fn submit(&self, scene: [&Buffer; 4], rays: &Buffer, job: Job<'_>, back: Back) -> SubmissionIndex {
+        let Self { opened, room, order, stamps, .. } = self;
+        let [tree, triangles, primitives, frame] = scene;
+        let buffers: [&Buffer; BUFFERS] =
+            [tree, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts];
+        let bindings = job.tracing.bind(&opened.device, buffers);
+        let making = job.making.zip(order.as_ref()).map(|((kernel, given), order)| {
+            // It reads no tree, and no list of rays.
+            let buffers = [tree, triangles, primitives, frame, frame, order, rays, frame];
+            (kernel, kernel.bind(&opened.device, buffers), given.count())
+        });
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let timestamp_writes = stamps.as_ref().map(|stamps| ComputePassTimestampWrites {
             query_set: &stamps.queries,
@@ -159,7 +191,10 @@ impl Slot {
             end_of_pass_write_index: Some(1),
         });
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-        pipeline.run(opened, &mut pass, &bindings, lanes);
+        if let Some((kernel, bindings, count)) = &making {
+            kernel.run(opened, &mut pass, bindings, *count);
+        }
+        job.tracing.run(opened, &mut pass, &bindings, job.work.lanes());
         drop(pass);
         encoder.copy_buffer_to_buffer(&room.found, 0, &room.back, 0, back.found);
         let [start, end] = back.counts;

@@ -12,7 +12,8 @@
 //! * The adapters are those that wgpu finds through Vulkan. wgpu does not tell how much memory they have.
 //! * A scene with a buffer that exceeds the device's limit for one binding, at most 2 GiB, is refused, with the sizes. Rays
 //!   beyond it lie in several buffers, up to 16, and a launch becomes a kernel for each.
-//! * Camera rays are made on the device, where a test of it shows the host's bits ([`GpuDevice::makes_rays`]).
+//! * Camera rays and rays of bounces are made on the device, where a trial of it shows the host's bits
+//!   ([`GpuDevice::makes_rays`]). A caller's own rays are prepared on the host and uploaded.
 //! * wgpu panics inside when a device is lost while it is waited for. The panic is caught, and its message goes to the
 //!   standard error output; a program built with `panic = "abort"` ends.
 //! * What a lost or hung device held is never freed: wgpu would wait for it without end.

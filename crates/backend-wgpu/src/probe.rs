@@ -4,7 +4,7 @@ use crate::device::Shared;
 use bytemuck::Pod;
 use rt_bvh::offload::KernelRay;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{PATIENCE, Recipe, SceneImage, arithmetic, bounce, camera};
+use rt_gpu::{Order, PATIENCE, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
@@ -12,37 +12,37 @@ use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
 pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, DeviceError> {
     let questions = arithmetic::questions();
-    let inputs = [&[], &[], bytemuck::cast_slice(&questions), &[], &[]];
+    let inputs = [&[], &[], bytemuck::cast_slice(&questions), &[]];
     let answers = ask(shared, Purpose::Arithmetic, inputs, arithmetic::PAIRS)?;
     Ok(arithmetic::first_fault(&answers))
 }
 
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
 pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    camera::fault(|recipe| make(shared, None, recipe))
+    camera::fault(|order| make(shared, None, order))
 }
 
 /// The same of rays that leave surfaces.
 pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
-    bounce::fault(trials, |scene, recipe| make(shared, Some(scene), recipe))
+    bounce::fault(trials, |scene, order| make(shared, Some(scene), order))
 }
 
 /// The rays that a kernel makes.
-fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, recipe: Recipe<'_>) -> Result<Vec<KernelRay>, DeviceError> {
+fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, order: &Order) -> Result<Vec<KernelRay>, DeviceError> {
     let [_, triangles, primitives, _] = scene.map_or([&[][..]; 4], |scene| scene.buffers().map(|(_, bytes)| bytes));
-    let [list, parents] = [recipe.list, recipe.parents].map(bytemuck::cast_slice);
-    ask(shared, recipe.purpose, [triangles, primitives, list, recipe.block, parents], recipe.count)
+    let inputs = [triangles, primitives, &[], bytemuck::cast_slice(order.words())];
+    ask(shared, order.purpose(), inputs, order.count())
 }
 
-/// Runs a kernel that reads bindings 1, 2, 4, 5 and 7 and writes `count` answers, each by an invocation, to binding 6.
-fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 5], count: u32) -> Result<Vec<T>, DeviceError> {
+/// Runs a kernel that reads bindings 1, 2, 4 and 5 and writes `count` answers, each by an invocation, to binding 6.
+fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 4], count: u32) -> Result<Vec<T>, DeviceError> {
     let opened = &shared.opened;
     let wanted = u64::from(count) * size_of::<T>() as u64;
     let mut given = Vec::new();
     for bytes in inputs {
         given.push(opened.buffer("numbers", bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
     }
-    let [triangles, primitives, list, block, parents] = std::array::from_fn(|i| &given[i]);
+    let [triangles, primitives, list, order] = std::array::from_fn(|i| &given[i]);
     let answers = opened.buffer("numbers", wanted, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let back = opened.buffer("numbers", wanted, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
@@ -51,7 +51,7 @@ fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 5], count: u32
         for (buffer, bytes) in given.iter().zip(inputs).filter(|(_, bytes)| !bytes.is_empty()) {
             opened.queue.write_buffer(buffer, 0, bytes);
         }
-        let buffers = [triangles, triangles, primitives, triangles, list, block, &answers, parents];
+        let buffers = [triangles, triangles, primitives, triangles, list, order, &answers, list];
         let bindings = pipeline.bind(&opened.device, buffers);
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

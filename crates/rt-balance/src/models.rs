@@ -107,25 +107,29 @@ pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, 
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
 }
 
-/// What a stream is expected to lose without an estimate, as a share of its makespan: all of it, where the devices are
-/// not known to be equally fast.
+/// Mean over least speed that is assumed of devices of which nothing is known: a processor's core beside graphics cards.
+const UNKNOWN: f64 = 16.0;
+
+/// What a stream is expected to lose without an estimate, as a share of its makespan: all of it in static queues, where the
+/// devices are not known to be equally fast.
 pub(crate) fn blind_excess(members: &[Member], queue: QueueKind, tasks: usize) -> f64 {
     let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].tracer.is_some()).collect();
-    if lanes.len() > 1 && !are_alike(members, &lanes) {
-        return 1.0;
-    }
+    let speeds = if lanes.len() > 1 { speeds(members, &lanes) } else { Some(vec![1.0]) };
+    let unequal = speeds.map_or(UNKNOWN, |speeds| blind::unequal(&speeds));
     match queue {
+        QueueKind::Static if unequal > 1.0 => 1.0,
         QueueKind::Static => blind::fixed_excess(tasks, lanes.len()),
-        QueueKind::Central => blind::central_excess(tasks, lanes.len()),
-        QueueKind::Hybrid => blind::hybrid_excess(tasks, lanes.len()),
+        QueueKind::Central => unequal * blind::central_excess(tasks, lanes.len()),
+        QueueKind::Hybrid => unequal * blind::hybrid_excess(tasks, lanes.len()),
     }
 }
 
-/// Whether the devices were found equally fast by what all of them have measured most of, launches before walks.
-fn are_alike(members: &[Member], lanes: &[usize]) -> bool {
+/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where differences
+/// are no more than chance.
+fn speeds(members: &[Member], lanes: &[usize]) -> Option<Vec<f64>> {
     // Rays of some depth. Which prices differ matters little.
     let work = [Work::new(1.0, 50.0, 10.0)];
-    let alike = |of: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<bool> {
+    let found = |of: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<f64>> {
         let of_all = |key: &Key| -> Option<Vec<Calibration>> {
             lanes.iter().map(|&lane| of(&members[lane].models).get(key).copied()).collect()
         };
@@ -133,9 +137,9 @@ fn are_alike(members: &[Member], lanes: &[usize]) -> bool {
         let measured = of(&members[*lanes.first()?].models).keys().filter_map(of_all);
         let most = measured.max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
         let models = fitted(&most, &work)?;
-        Some(models.iter().all(|model| *model == models[0]))
+        Some(models.iter().map(|model| 1.0 / model.seconds(&work[0])).collect())
     };
-    alike(|models| &models.launches).or_else(|| alike(|models| &models.walks)).unwrap_or(false)
+    found(|models| &models.launches).or_else(|| found(|models| &models.walks))
 }
 
 /// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.

@@ -161,15 +161,21 @@ impl Renderer<'_> {
             let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
             self.add_misses(&front, &hits, film);
             let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, samples, bounce };
-            let shadow = self.leave(&spawner, self.light.sun.aim());
+            // The last bounce's light is not followed any further.
+            let (shadow, diffuse) = if bounce == self.bounces {
+                let [shadow] = self.leave(&spawner, [self.light.sun.aim()]);
+                (shadow, None)
+            } else {
+                let [shadow, diffuse] = self.leave(&spawner, [self.light.sun.aim(), Aim::Cosine]);
+                (shadow, Some(diffuse))
+            };
             let blocked =
                 run(self.stream(RaySource::Bounce(Arc::clone(&shadow)), StreamKind::Shadow(bounce), Query::Any))?;
             self.add_sunlight(&front, &shadow.departures, &blocked, film);
-            if bounce == self.bounces {
+            let Some(diffuse) = diffuse else {
                 self.add_fill(&front, &hits, film);
                 break;
-            }
-            let diffuse = self.leave(&spawner, Aim::Cosine);
+            };
             let parents = diffuse.departures.iter().map(|from| from.parent as usize);
             front = Front {
                 pixels: parents.clone().map(|i| front.pixels[i]).collect(),
@@ -180,10 +186,19 @@ impl Renderer<'_> {
         Ok(())
     }
 
-    /// The rays that leave from where a stream's rays hit.
-    fn leave(&self, spawner: &Spawner<'_>, aim: Aim) -> Arc<BounceRays> {
-        let departures = chunks(spawner.hits.len(), |range| spawner.departures(aim, range)).concat().into();
-        Arc::new(BounceRays { surfaces: Arc::clone(&self.surfaces), departures, scatter: spawner.scatter(aim) })
+    /// The rays that leave from where a stream's rays hit, for each of `aims`.
+    fn leave<const N: usize>(&self, spawner: &Spawner<'_>, aims: [Aim; N]) -> [Arc<BounceRays>; N] {
+        let mut lists = [const { Vec::new() }; N];
+        for chunk in chunks(spawner.hits.len(), |range| spawner.departures(aims, range)) {
+            for (list, more) in lists.iter_mut().zip(chunk) {
+                list.extend(more);
+            }
+        }
+        std::array::from_fn(|i| {
+            let departures = std::mem::take(&mut lists[i]).into();
+            let scatter = spawner.scatter(aims[i]);
+            Arc::new(BounceRays { surfaces: Arc::clone(&self.surfaces), departures, scatter })
+        })
     }
 
     fn stream(&self, source: RaySource, kind: StreamKind, query: Query) -> Stream {

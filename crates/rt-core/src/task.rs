@@ -60,6 +60,18 @@ impl RayMask {
         }
     }
 
+    /// Sets the bits of a range of rays; the part beyond the mask is ignored.
+    pub fn insert_all(&mut self, rays: Range<u32>) {
+        if rays.is_empty() {
+            return;
+        }
+        let (first, last) = (rays.start as usize / 64, (rays.end - 1) as usize / 64);
+        let (from_start, to_end) = (u64::MAX << (rays.start % 64), u64::MAX >> (63 - (rays.end - 1) % 64));
+        for (i, word) in self.words.iter_mut().enumerate().take(last + 1).skip(first) {
+            *word |= if i == first { from_start } else { u64::MAX } & if i == last { to_end } else { u64::MAX };
+        }
+    }
+
     /// Whether the bit of `ray` is set; `false` beyond the mask.
     #[must_use]
     pub fn contains(&self, ray: u32) -> bool {
@@ -107,6 +119,20 @@ mod tests {
             let tasks = tasks_of(rays, size);
             let all: Vec<u32> = tasks.iter().flat_map(Task::range).collect();
             assert_eq!(all, (0..rays).collect::<Vec<_>>());
+        }
+    }
+
+    /// Fails when the last word of a range is filled to its end, or the first one from its start.
+    #[test]
+    fn masks_take_ranges_as_they_take_rays() {
+        for range in [0..0, 5..5, 0..1, 3..64, 0..64, 63..65, 64..128, 10..200, 190..700, 700..800] {
+            let (mut whole, mut single) = (RayMask::new(200), RayMask::new(200));
+            whole.insert(7);
+            single.insert(7);
+            whole.insert_all(range.clone());
+            range.clone().for_each(|ray| single.insert(ray));
+            // A mask of 200 rays has bits for 256.
+            assert_eq!(whole, single, "{range:?}");
         }
     }
 

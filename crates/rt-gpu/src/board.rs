@@ -1,6 +1,6 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
-use crate::Work;
+use crate::{Order, Work};
 use rt_bvh::offload::KernelRay;
 use rt_core::{DeviceError, TestCounts};
 use rt_shaders::Purpose;
@@ -20,29 +20,6 @@ pub struct Answer<'a> {
     pub counts: &'a [TestCounts],
     /// Time in the kernel, where the device knows it.
     pub in_kernel: Option<Duration>,
-}
-
-/// What a kernel that makes rays is given beside the scene.
-#[derive(Clone, Copy, Debug)]
-pub struct Recipe<'a> {
-    /// [`Purpose::Camera`] or [`Purpose::Bounce`].
-    pub purpose: Purpose,
-    /// Read at binding 5: [`rt_bvh::offload::KernelCamera`] or [`rt_bvh::offload::KernelBounce`].
-    pub block: &'a [u8],
-    /// Read at binding 4: pixels or departures.
-    pub list: &'a [u32],
-    /// Read at binding 7: the departures' parents; nothing for a camera.
-    pub parents: &'a [u32],
-    /// How many rays it makes.
-    pub count: u32,
-}
-
-impl Recipe<'_> {
-    /// What is sent of it.
-    #[must_use]
-    pub const fn bytes(&self) -> u64 {
-        (size_of_val(self.block) + size_of_val(self.list) + size_of_val(self.parents)) as u64
-    }
 }
 
 /// One scene on one graphics card, and a stream's rays beside it.
@@ -67,10 +44,21 @@ pub trait Board: Send + Debug {
         None
     }
 
-    /// Compiles the kernel for `purpose` and runs it over [`Work::nothing`], since some drivers compile when a kernel first
-    /// runs, so that its first launch does not wait for it. What fails is told then. Nothing is in flight.
-    fn prepare(&mut self, purpose: Purpose) {
+    /// Whether the kernel for `purpose` makes rays, the very bits that the host makes: see [`crate::Trials`]. It is compiled to
+    /// find out. Nothing is in flight.
+    fn makes(&mut self, purpose: Purpose) -> bool {
         let _ = purpose;
+        false
+    }
+
+    /// Compiles the kernel for `purpose`, which traces, and runs it over [`Work::nothing`], since some drivers compile when a
+    /// kernel first runs, so that its first launch does not wait for it. Nothing is in flight.
+    ///
+    /// # Errors
+    /// Those of [`Board::start`].
+    fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
+        let _ = purpose;
+        Ok(())
     }
 
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.
@@ -86,21 +74,18 @@ pub trait Board: Send + Debug {
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Makes rays of a window; `false` where the device does not make the bits that the host makes ([`crate::camera`] and
-    /// [`crate::bounce`] find out). Nothing is in flight.
-    ///
-    /// # Errors
-    /// When there is no memory for what the kernel is given, or the device is lost.
-    fn make_rays(&mut self, window: u32, recipe: Recipe<'_>) -> Result<bool, DeviceError> {
-        let _ = (window, recipe);
-        Ok(false)
-    }
-
-    /// Starts the kernel for `purpose` over rays of a window.
+    /// Starts the kernel for `purpose` over rays of a window, after the one that makes those of `order`: a purpose of which
+    /// [`Board::makes`] says that it does.
     ///
     /// # Errors
     /// When the kernel does not compile, its buffers do not fit, or the device is lost.
-    fn start(&mut self, purpose: Purpose, window: u32, work: &Work) -> Result<Flight, DeviceError>;
+    fn start(
+        &mut self,
+        purpose: Purpose,
+        window: u32,
+        work: &Work,
+        order: Option<&Order>,
+    ) -> Result<Flight, DeviceError>;
 
     /// Waits at most `limit` until a kernel is done, and shows `read` what it wrote.
     ///

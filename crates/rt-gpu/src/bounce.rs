@@ -1,72 +1,14 @@
-//! Rays that leave surfaces, as a device is told of them; and whether it makes the host's, bit for bit.
+//! Whether a device makes the rays that leave surfaces as the host does, bit for bit.
 
-use crate::{Recipe, SceneImage};
+use crate::order::Row;
+use crate::trials::first_fault;
+use crate::{Order, SceneImage};
 use glam::Vec3;
-use rayon::prelude::*;
-use rt_bvh::offload::{KernelBounce, KernelRay, Offload};
+use rt_bvh::offload::{KernelRay, Offload};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::bounce::{Aim, Departure, Scatter, Surface, Surfaces, basis};
 use rt_core::{BounceRays, Scene, random};
-use rt_shaders::Purpose;
 use std::sync::Arc;
-
-/// Least mean length of rows of parents. A row is two words, so from here on they are a quarter of the list, and kernels
-/// search one row for as many rays.
-const ROW: usize = 8;
-
-/// A part of a stream's rays, as the kernel [`Purpose::Bounce`] is told of them.
-#[derive(Debug)]
-pub(crate) struct Part {
-    block: KernelBounce,
-    departures: Vec<[u32; 3]>,
-    parents: Vec<u32>,
-}
-
-impl Part {
-    /// `count` rays from number `begin` on, which come at place `first` of their window. `places` says for each slot of the
-    /// scene where its triangle is on the device; nothing where that is its own place.
-    pub(crate) fn new(
-        block: &KernelBounce,
-        rays: &BounceRays,
-        [begin, count]: [u32; 2],
-        first: u32,
-        places: &[u32],
-    ) -> Self {
-        let departures = &rays.departures[begin as usize..][..count as usize];
-        let place = |primitive: u32| {
-            let slot = rays.surfaces.slot(primitive)?;
-            Some(places.get(slot as usize).copied().unwrap_or(slot))
-        };
-        let told = |from: &Departure| [from.weights[0], from.weights[1], place(from.primitive).unwrap_or(u32::MAX)];
-        Self {
-            block: block.part(first, count),
-            departures: departures.par_iter().map(told).collect(),
-            parents: parents_of(departures),
-        }
-    }
-
-    pub(crate) fn recipe(&self) -> Recipe<'_> {
-        Recipe {
-            purpose: Purpose::Bounce,
-            block: bytemuck::bytes_of(&self.block),
-            list: self.departures.as_flattened(),
-            parents: &self.parents,
-            count: self.block.count,
-        }
-    }
-}
-
-/// The numbers of the rays that met the surfaces: of each row of consecutive ones the first ray and its parent, behind the
-/// number of rows; or 0 and all of them.
-fn parents_of(departures: &[Departure]) -> Vec<u32> {
-    let starts_row = |&i: &usize| i == 0 || departures[i].parent != departures[i - 1].parent.wrapping_add(1);
-    let rows = (0..departures.len()).filter(starts_row).count();
-    if rows * ROW > departures.len() {
-        return std::iter::once(0).chain(departures.iter().map(|from| from.parent)).collect();
-    }
-    let words = (0..departures.len()).filter(starts_row).flat_map(|i| [i as u32, departures[i].parent]);
-    std::iter::once(rows as u32).chain(words).collect()
-}
 
 /// Rays of a trial: no multiple of a workgroup.
 const RAYS: u32 = 3000;
@@ -81,7 +23,7 @@ const LEFT_OUT_OF_RANDOM: f64 = 1.0 / 32.0;
 pub struct Trial {
     scene: Arc<Scene>,
     rays: BounceRays,
-    part: Part,
+    order: Order,
     /// Share of the rays that may be left to the host.
     left_out: f64,
 }
@@ -156,10 +98,10 @@ fn vertex([seed, triangle, corner]: [u32; 3], scale: f32, offset: f32) -> Vec3 {
 /// Those of `make`.
 pub fn fault<E>(
     trials: &[Trial],
-    mut make: impl FnMut(&SceneImage<'_>, Recipe<'_>) -> Result<Vec<KernelRay>, E>,
+    mut make: impl FnMut(&SceneImage<'_>, &Order) -> Result<Vec<KernelRay>, E>,
 ) -> Result<Option<String>, E> {
     for trial in trials {
-        if let Some(fault) = trial.first_fault(&make(&trial.image(), trial.recipe())?) {
+        if let Some(fault) = trial.first_fault(&make(&trial.image(), &trial.order)?) {
             return Ok(Some(fault));
         }
     }
@@ -195,13 +137,9 @@ impl Trial {
             scatter: Scatter { aim, seed: 0x9e37_79b9, samples, bounce: 1 },
         };
         let block = Offload::new(&scene).bounce(&rays)?;
-        let part = Part::new(&block, &rays, [0, RAYS], 0, &[]);
-        Some(Self { scene, rays, part, left_out: LEFT_OUT })
-    }
-
-    /// What the kernel [`Purpose::Bounce`] is given.
-    fn recipe(&self) -> Recipe<'_> {
-        self.part.recipe()
+        let rows = [Row { ray: 1000, count: RAYS - 1000 }, Row { ray: 0, count: 1000 }];
+        let order = Order::bounce(&block, &rays, &rows, 0, &[]);
+        Some(Self { scene, rays, order, left_out: LEFT_OUT })
     }
 
     /// The scene, whose triangles and primitives the kernel reads in the order of the two-wide tree.
@@ -218,23 +156,10 @@ impl Trial {
         (0..self.rays.len()).map(ray).collect()
     }
 
-    /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
-    /// passes. `made` is what it wrote to binding 6.
+    /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        if made.len() != self.rays.len() as usize {
-            return Some(format!("it makes {} rays of {}", made.len(), self.rays.len()));
-        }
-        let mut left = 0;
-        for (i, (expected, made)) in self.expected().iter().zip(made).enumerate() {
-            if made.kind == KernelRay::HOST {
-                left += 1;
-            } else if bytemuck::bytes_of(expected) != bytemuck::bytes_of(made) {
-                let from = self.rays.departures[i];
-                return Some(format!("it makes the ray from {from:?} as {made:?}, not {expected:?}"));
-            }
-        }
-        let share = f64::from(left) / made.len() as f64;
-        (share > self.left_out).then(|| format!("it leaves {left} of {} rays to the host", made.len()))
+        let whence = |i: usize| format!("the ray from {:?}", self.rays.departures[i]);
+        first_fault(&self.expected(), made, self.left_out, whence)
     }
 }
 
@@ -259,18 +184,5 @@ mod tests {
             rays.iter_mut().step_by(100).for_each(|ray| ray.kind = KernelRay::HOST);
             assert!(trial.first_fault(&rays).is_some());
         }
-    }
-
-    #[test]
-    fn parents_in_a_row_are_told_at_once() {
-        let departures = |parents: &[u32]| -> Vec<Departure> {
-            parents.iter().map(|&parent| Departure { weights: [0; 2], primitive: 0, parent }).collect()
-        };
-        let row: Vec<u32> = (5..45).collect();
-        assert_eq!(parents_of(&departures(&row)), [1, 0, 5]);
-        let two: Vec<u32> = (0..20).chain(100..120).collect();
-        assert_eq!(parents_of(&departures(&two)), [2, 0, 0, 20, 100]);
-        assert_eq!(parents_of(&departures(&[3, 7, 9])), [0, 3, 7, 9]);
-        assert_eq!(parents_of(&[]), [0]);
     }
 }

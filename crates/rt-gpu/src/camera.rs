@@ -1,10 +1,11 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
-use crate::Recipe;
+use crate::Order;
+use crate::order::Row;
+use crate::trials::first_fault;
 use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
-use rt_shaders::Purpose;
 use std::sync::Arc;
 
 /// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the host.
@@ -46,12 +47,9 @@ fn trials() -> Vec<Trial> {
 ///
 /// # Errors
 /// Those of `make`.
-pub fn fault<E>(mut make: impl FnMut(Recipe<'_>) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
+pub fn fault<E>(mut make: impl FnMut(&Order) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
     for trial in trials() {
-        let (camera, list) = trial.input();
-        let block = bytemuck::bytes_of(&camera);
-        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count: camera.count };
-        if let Some(fault) = trial.first_fault(&make(recipe)?) {
+        if let Some(fault) = trial.first_fault(&make(&trial.order())?) {
             return Ok(Some(fault));
         }
     }
@@ -70,29 +68,24 @@ impl Trial {
         Some(Self { scene, rays, camera })
     }
 
-    /// What the kernel [`rt_shaders::Purpose::Camera`] is given at binding 5, and at binding 4. The first pixel's first
-    /// sample is left out, for a stream's second window.
-    fn input(&self) -> (KernelCamera, &[u32]) {
-        self.camera.part(&self.rays, 1, self.rays.len() - 1)
+    /// What the device is told to make: all but the first pixel's first sample, as for a stream's second window, the later
+    /// rays first.
+    fn order(&self) -> Order {
+        let [middle, end] = [self.rays.len() / 2 + 1, self.rays.len()];
+        let rows = [Row { ray: middle, count: end - middle }, Row { ray: 1, count: middle - 1 }];
+        Order::camera(&self.camera, &self.rays, &rows, 1)
     }
 
-    /// The first ray that is neither the host's nor left to it, in words, or that too many are left; `None` if the device
-    /// passes. `made` is what it wrote to binding 6.
+    /// What the host makes of it, without the same sample.
+    fn expected(&self) -> Vec<KernelRay> {
+        let offload = Offload::new(&self.scene);
+        (1..self.rays.len()).map(|i| offload.prepare(&self.rays.ray(i), u32::MAX)).collect()
+    }
+
+    /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        let expected = (1..self.rays.len()).map(|i| Offload::new(&self.scene).prepare(&self.rays.ray(i), u32::MAX));
-        if made.len() != self.rays.len() as usize - 1 {
-            return Some(format!("it makes {} rays of {}", made.len(), self.rays.len() - 1));
-        }
-        let mut left = 0;
-        for (i, (expected, made)) in expected.zip(made).enumerate() {
-            if made.kind == KernelRay::HOST {
-                left += 1;
-            } else if bytemuck::bytes_of(&expected) != bytemuck::bytes_of(made) {
-                return Some(format!("of {:?} it makes ray {} as {made:?}, not {expected:?}", self.rays.camera, i + 1));
-            }
-        }
-        let share = f64::from(left) / made.len() as f64;
-        (share > LEFT_OUT).then(|| format!("it leaves {left} of {} rays to the host", made.len()))
+        let whence = |i| format!("ray {} of {:?}", i + 1, self.rays.camera);
+        first_fault(&self.expected(), made, LEFT_OUT, whence)
     }
 }
 
@@ -106,9 +99,7 @@ mod tests {
         let trials = trials();
         assert_eq!(trials.len(), 5, "every trial is one that the host would not keep to itself");
         for trial in trials {
-            let offload = Offload::new(&trial.scene);
-            let mut rays: Vec<_> =
-                (1..trial.rays.len()).map(|i| offload.prepare(&trial.rays.ray(i), u32::MAX)).collect();
+            let mut rays = trial.expected();
             assert!(rays.iter().all(|ray| ray.kind < KernelRay::MISS));
             assert_eq!(trial.first_fault(&rays), None);
             assert!(trial.first_fault(&rays[1..]).is_some());

@@ -11,8 +11,8 @@
 //! | | up | down |
 //! |---|---|---|
 //! | loading a ray of the host's | 64 bytes | |
-//! | loading a camera ray | 4 bytes a pixel | |
-//! | loading a ray that leaves a surface | 12 bytes, and its parent's number: 4, or 8 for all in a row | |
+//! | the first time a camera ray is asked for | 4 bytes a pixel, and 16 for all in a row | |
+//! | the first time a ray is asked for that leaves a surface | 12 bytes, and its parent's number: 4, or 8 for all in a row | |
 //! | tracing a ray of a whole task | 8 bytes a task or less: neighbours are one range | 4 bytes, 12 with counts |
 //! | tracing a ray of a task with rays left out | 4 bytes at most | 4 bytes, 12 with counts; none for rays left out |
 //! | walking a ray | 4 bytes | 12 bytes: hit and counts |
@@ -26,24 +26,29 @@ pub mod bounce;
 pub mod camera;
 mod card;
 mod image;
+mod maker;
+mod order;
 mod pending;
 mod profile;
 mod rays;
 mod scene;
 mod tally;
 mod tracer;
+mod trials;
 mod trouble;
 mod tuning;
 mod work;
 
-pub use board::{Answer, Board, Flight, Recipe};
+pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 pub use image::{Frame, SceneImage};
+pub use order::Order;
 pub use profile::Profile;
 pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
+pub use trials::Trials;
 pub use trouble::Trouble;
 pub use tuning::Tuning;
 pub use work::Work;

@@ -1,45 +1,12 @@
-//! A stream's rays: made on the device, or prepared on all of the host's threads and sent.
+//! A stream's rays that the host prepares, on all of its threads, and sends.
 
-use crate::{Board, Recipe, bounce};
+use crate::Board;
 use rayon::prelude::*;
 use rt_bvh::offload::{KernelRay, Offload};
-use rt_core::{BounceRays, CameraRays, DeviceError, DeviceErrorKind, RaySource, Scene};
-use rt_shaders::Purpose;
+use rt_core::{DeviceError, DeviceErrorKind, RaySource};
 
 /// Rays prepared at once: 4 MiB of them, enough for every thread and the bus, little beside any scene.
 const BATCH: u32 = 1 << 16;
-
-/// Departures sent at once: 12 MiB of them, so many that a device hardly waits in between.
-const DEPARTURES: u32 = 1 << 20;
-
-/// What went to the board of a stream's rays.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sent {
-    pub bytes: u64,
-    /// Rays that the board made itself.
-    pub made: u32,
-}
-
-/// Puts a stream's rays on the board. `places` are those of the scene's triangles there, see
-/// [`crate::GpuScene`].
-pub(crate) fn send<'a>(
-    board: &mut impl Board,
-    scene: &Scene,
-    places: impl FnOnce() -> &'a [u32],
-    source: &RaySource,
-) -> Result<Sent, DeviceError> {
-    board.reserve_rays(source.len())?;
-    let offload = Offload::new(scene);
-    let made = match source {
-        RaySource::Explicit { .. } => None,
-        RaySource::Camera(rays) => make_camera(board, &offload, rays)?,
-        RaySource::Bounce(rays) => make_bounces(board, &offload, places, rays)?,
-    };
-    match made {
-        Some(bytes) => Ok(Sent { bytes, made: source.len() }),
-        None => Ok(Sent { bytes: prepare(board, &offload, source)?, made: 0 }),
-    }
-}
 
 /// First ray and number of rays of each window.
 fn windows(window: u32, count: u32) -> impl Iterator<Item = (u32, u32)> {
@@ -47,51 +14,8 @@ fn windows(window: u32, count: u32) -> impl Iterator<Item = (u32, u32)> {
     (0..count.div_ceil(window)).map(move |number| (number * window, window.min(count - number * window)))
 }
 
-/// Has the board make the rays; returns the bytes sent, or `None` if it does not.
-fn make_camera(board: &mut impl Board, offload: &Offload<'_>, rays: &CameraRays) -> Result<Option<u64>, DeviceError> {
-    let Some(camera) = offload.camera(rays) else {
-        return Ok(None);
-    };
-    let mut sent = 0;
-    for (number, (first, count)) in (0..).zip(windows(board.window(), rays.len())) {
-        let (camera, list) = camera.part(rays, first, count);
-        let block = bytemuck::bytes_of(&camera);
-        let recipe = Recipe { purpose: Purpose::Camera, block, list, parents: &[], count };
-        if !board.make_rays(number, recipe)? {
-            return Ok(None);
-        }
-        sent += recipe.bytes();
-    }
-    Ok(Some(sent))
-}
-
-/// Likewise.
-fn make_bounces<'a>(
-    board: &mut impl Board,
-    offload: &Offload<'_>,
-    places: impl FnOnce() -> &'a [u32],
-    rays: &BounceRays,
-) -> Result<Option<u64>, DeviceError> {
-    let Some(block) = offload.bounce(rays) else {
-        return Ok(None);
-    };
-    let places = places();
-    let mut sent = 0;
-    for (number, (first, count)) in (0..).zip(windows(board.window(), rays.len())) {
-        for skip in (0..count).step_by(DEPARTURES as usize) {
-            let count = DEPARTURES.min(count - skip);
-            let part = bounce::Part::new(&block, rays, [first + skip, count], skip, places);
-            if !board.make_rays(number, part.recipe())? {
-                return Ok(None);
-            }
-            sent += part.recipe().bytes();
-        }
-    }
-    Ok(Some(sent))
-}
-
 /// Prepares the rays and writes them to the board; returns the bytes sent.
-fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) -> Result<u64, DeviceError> {
+pub(crate) fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) -> Result<u64, DeviceError> {
     let mut batch: Vec<KernelRay> = Vec::new();
     batch.try_reserve_exact(BATCH.min(source.len()) as usize).map_err(|source| {
         DeviceError::new(DeviceErrorKind::OutOfMemory, "the host has no memory to prepare rays").with_source(source)

@@ -23,7 +23,7 @@ impl Tally {
         self.on_host.load(Ordering::Relaxed)
     }
 
-    /// Rays that the device made itself, of all streams that were loaded.
+    /// Rays that the device made itself, each once a stream, when it was first asked for.
     #[must_use]
     pub fn made(&self) -> u64 {
         self.made.load(Ordering::Relaxed)

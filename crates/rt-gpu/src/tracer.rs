@@ -1,8 +1,10 @@
 //! One scene on one graphics card, as the driver sees it.
 
+use crate::maker::Maker;
 use crate::pending::{Answers, Finished, How, Part, Pending, finish};
 use crate::work::Sorter;
 use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
+use rt_bvh::offload::Offload;
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
@@ -25,6 +27,8 @@ pub struct GpuTracer<B> {
     clock: Clock,
     tally: Arc<Tally>,
     source: RaySource,
+    /// Where the device makes the rays.
+    maker: Option<Maker>,
     spec: StreamSpec,
     pending: VecDeque<Pending>,
     /// Launches whose results are on the host because a later one was asked for first.
@@ -45,6 +49,7 @@ impl<B: Board> GpuTracer<B> {
             clock,
             tally,
             source: no_rays(),
+            maker: None,
             spec: StreamSpec::default(),
             pending: VecDeque::new(),
             finished: Vec::new(),
@@ -69,9 +74,19 @@ impl<B: Board> GpuTracer<B> {
     /// Starts a kernel for each window that `rays` has rays of.
     fn start(&mut self, how: How, rays: Sorter) -> Result<Vec<Part>, DeviceError> {
         let mut parts = Vec::new();
+        let size = self.board.window().max(1);
         for (window, work) in rays.finish(self.board.persistent_lanes()) {
+            let Self { board, scene, source, maker, places, .. } = self;
+            let places = || &places.get_or_init(|| scene.places())[..];
+            let order = maker.as_ref().and_then(|maker| maker.order(source, &work, window * size, places));
+            let flight = board.start(how.purpose(), window, &work, order.as_ref())?;
+            if let (Some(maker), Some(order)) = (maker, &order) {
+                maker.note(&work);
+                self.tally.add_made(order.count());
+                self.traffic.uploaded += size_of_val(order.words()) as u64;
+            }
             self.traffic.uploaded += size_of_val(work.words()) as u64;
-            parts.push(Part { flight: self.board.start(how.purpose(), window, &work)?, work });
+            parts.push(Part { flight, work });
         }
         Ok(parts)
     }
@@ -148,24 +163,27 @@ impl<B: Board> Tracer for GpuTracer<B> {
         if !self.pending.is_empty() {
             return;
         }
-        match source {
-            RaySource::Camera(_) => self.board.prepare(Purpose::Camera),
-            RaySource::Bounce(_) => self.board.prepare(Purpose::Bounce),
-            RaySource::Explicit { .. } => {}
-        }
-        self.board.prepare(How::Trace(spec).purpose());
-        if let Some(Ok(how)) = walk.map(|walk| how_to(walk, spec)) {
-            self.board.prepare(how.purpose());
+        let _ = match source {
+            RaySource::Camera(_) => self.board.makes(Purpose::Camera),
+            RaySource::Bounce(_) => self.board.makes(Purpose::Bounce),
+            RaySource::Explicit { .. } => false,
+        };
+        let walk = walk.and_then(|walk| how_to(walk, spec).ok());
+        for how in [Some(How::Trace(spec)), walk].into_iter().flatten() {
+            // Whoever uses the kernel is told what is wrong.
+            let _ = self.board.warm_up(how.purpose());
         }
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
-        self.source = no_rays();
-        let places = || &self.places.get_or_init(|| self.scene.places())[..];
-        let sent = rays::send(&mut self.board, self.scene.given(), places, &source)?;
-        self.traffic.uploaded += sent.bytes;
-        self.tally.add_made(sent.made);
+        (self.source, self.maker) = (no_rays(), None);
+        self.board.reserve_rays(source.len())?;
+        let offload = Offload::new(self.scene.given());
+        self.maker = Maker::new(&mut self.board, &offload, &source);
+        if self.maker.is_none() {
+            self.traffic.uploaded += rays::prepare(&mut self.board, &offload, &source)?;
+        }
         (self.source, self.spec) = (source, spec);
         Ok(())
     }

@@ -1,14 +1,11 @@
 //! Which rays a kernel traces: the shader's structure `Work`, and where the answers belong.
 
+use crate::order::{Row, append_table};
 use rt_core::{RayMask, Task};
 use std::collections::BTreeMap;
 
-/// Words in front of the list or the ranges: the next item, lanes, items, ranges.
-const HEADER: usize = 4;
-
-/// Least mean length of ranges. A range is two words, so from here on they are a quarter of the list, and kernels search
-/// one range for as many rays.
-const RANGE: usize = 8;
+/// Words in front of the table: the next item, lanes, items.
+const HEADER: usize = 3;
 
 /// The rays of one kernel that was or will be started, all of one window.
 #[derive(Clone, Debug)]
@@ -38,7 +35,7 @@ impl Work {
     #[must_use]
     pub fn nothing() -> Self {
         // The kernel's list must not be empty.
-        Self { words: vec![0; HEADER + 1], items: 0, runs: Vec::new() }
+        Self { words: vec![0; HEADER + 2], items: 0, runs: Vec::new() }
     }
 
     /// Number of rays, and of answers: at least one, but for [`Work::nothing`].
@@ -56,18 +53,16 @@ impl Work {
     fn new(runs: Vec<Run>, items: u32, first: u32, persistent: Option<u32>) -> Self {
         // The kernel's counter of items must not wrap around.
         let lanes = persistent.filter(|&lanes| items.checked_add(lanes).is_some()).unwrap_or(items).clamp(1, items);
-        let ranges = runs.len() * RANGE <= items as usize;
-        let mut work = Self { words: vec![lanes, lanes, items, 0], items, runs };
-        if ranges {
-            work.words[3] = work.runs.len() as u32;
-            work.words.extend(work.runs.iter().flat_map(|run| [run.item, run.ray - first]));
-        } else {
-            let mut list = Vec::with_capacity(HEADER + items as usize);
-            list.append(&mut work.words);
-            list.extend(work.from(0).map(|(ray, _)| ray - first));
-            work.words = list;
-        }
-        work
+        let mut words = vec![lanes, lanes, items];
+        let ranges: Vec<[u32; 2]> = runs.iter().map(|run| [run.item, run.ray - first]).collect();
+        append_table(&mut words, &ranges, items);
+        Self { words, items, runs }
+    }
+
+    /// Its rays, in rows of consecutive ones.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = Row> + '_ {
+        let ends = self.runs.iter().skip(1).map(|next| next.item).chain([self.items]);
+        self.runs.iter().zip(ends).map(|(run, end)| Row { ray: run.ray, count: end - run.item })
     }
 
     /// The number in the stream, and the place among the answers, of item `item` and those that follow.
@@ -156,7 +151,7 @@ mod tests {
 
     /// What a kernel makes of the words: for each item, the ray's number in the window.
     fn read(words: &[u32]) -> Vec<u32> {
-        let (items, ranges, rays) = (words[2], words[3], &words[HEADER..]);
+        let (items, ranges, rays) = (words[2], words[HEADER], &words[HEADER + 1..]);
         let ray = |item: u32| {
             let of = |range: &[u32]| range[1] + item - range[0];
             rays.chunks_exact(2).take(ranges as usize).take_while(|range| range[0] <= item).last().map(of)
@@ -213,7 +208,7 @@ mod tests {
         let words = |fill: &dyn Fn(&mut Sorter)| {
             let mut sorter = Sorter::new(u32::MAX);
             fill(&mut sorter);
-            sorter.finish(None)[0].1.words().len() - HEADER
+            sorter.finish(None)[0].1.words().len() - HEADER - 1
         };
         let tasks = |apart: u32| (0..10).map(|i| Task { first: i * apart, rays: 1000 }).collect::<Vec<_>>();
         assert_eq!(words(&|sorter| sorter.tasks(&tasks(2000), None)), 20);

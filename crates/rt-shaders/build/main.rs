@@ -29,8 +29,8 @@ const TREES: &[(&str, &str, &[u32])] =
 
 /// The other parts of kernels that make rays: name in Rust, and the parts.
 const MAKERS: &[(&str, &[&str])] = &[
-    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "camera.wgsl"]),
-    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "bounce.wgsl"]),
+    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "camera.wgsl"]),
+    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "bounce.wgsl"]),
 ];
 
 /// The other parts of the kernel by which devices are checked.

@@ -14,8 +14,9 @@ struct Bounce {
     bitangent: vec3<f32>,
     samples: u32,
     dimension: u32,
-    // Place of the first ray in the window, and how many to make.
-    first: u32,
+    // Where the table of the rays' parents begins, the numbers of the rays that met the surface.
+    parents: u32,
+    // How many rays to make.
     count: u32,
     tmax: f32,
     // Range of the exponent, as it is stored, of a triangle's largest coordinate.
@@ -24,6 +25,12 @@ struct Bounce {
     exponents: vec2<u32>,
     // Always 0, which compilers do not know.
     zero: u32,
+    // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND in the
+    // first, and the triangle.
+    departures: u32,
+    unused: vec2<u32>,
+    // At word 0 the table of places in the window.
+    words: array<u32>,
 }
 
 struct Triangle {
@@ -32,12 +39,8 @@ struct Triangle {
 
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
-// For each ray the weights of the second and the third vertex in units of 2^-24, BEHIND in the first, and the triangle.
-@group(0) @binding(4) var<storage, read> departures: array<u32>;
-@group(0) @binding(5) var<storage, read> bounce: Bounce;
+@group(0) @binding(5) var<storage, read> order: Bounce;
 @group(0) @binding(6) var<storage, read_write> made: array<Ray>;
-// Numbers of the rays that met the surface, as `Work` names rays: the number of ranges, and those, or 0 and a list.
-@group(0) @binding(7) var<storage, read> parents: array<u32>;
 
 const GROUP: u32 = 64u;
 
@@ -52,25 +55,6 @@ const LEAST_NORMAL: f32 = 9.313225746154785e-10; // 2^-30
 const CLEARANCE: f32 = 9.094947017729282e-13; // 2^-40
 const HALF_STEP: f32 = 1.001 / 16777216.0;
 const LEAST_COORDINATE: f32 = 8.673617379884035e-19; // 2^-60
-
-fn parent_of(index: u32) -> u32 {
-    let ranges = parents[0];
-    if ranges == 0u {
-        return parents[1u + index];
-    }
-    // The last range that does not begin behind the ray.
-    var low = 0u;
-    var high = ranges;
-    while high - low > 1u {
-        let middle = (low + high) / 2u;
-        if parents[1u + 2u * middle] <= index {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    return parents[2u + 2u * low] + (index - parents[1u + 2u * low]);
-}
 
 fn rsqrt(x: f32) -> f32 {
     let h = 0.5 * x;
@@ -181,12 +165,13 @@ fn about(n: vec3<f32>, at: vec3<f32>) -> vec3<f32> {
 }
 
 fn towards(at: vec3<f32>) -> vec3<f32> {
-    let to = kept(kept(bounce.middle + kept(bounce.tangent * at.x)) + kept(bounce.bitangent * at.y));
+    let to = kept(kept(order.middle + kept(order.tangent * at.x)) + kept(order.bitangent * at.y));
     return kept(to * rsqrt(squared_length(to)));
 }
 
 fn ray_from(index: u32) -> Ray {
-    let slot = departures[3u * index + 2u];
+    let departure = order.departures + 3u * index;
+    let slot = order.words[departure + 2u];
     if slot == NO_TRIANGLE {
         return for_the_host();
     }
@@ -195,7 +180,7 @@ fn ray_from(index: u32) -> Ray {
         greatest = max(greatest, abs(triangles[slot].vertices[i]));
     }
     let exponent = bitcast<u32>(greatest) >> 23u;
-    if exponent < bounce.coordinates.x || exponent > bounce.coordinates.y {
+    if exponent < order.coordinates.x || exponent > order.coordinates.y {
         return for_the_host();
     }
     // To [1/2, 1), and back.
@@ -208,9 +193,9 @@ fn ray_from(index: u32) -> Ray {
     if all(front == vec3<f32>(0.0)) {
         return for_the_host();
     }
-    let n = select(front, -front, (departures[3u * index] & BEHIND) != 0u);
-    let u = min(departures[3u * index] & ~BEHIND, ONE);
-    let v = min(departures[3u * index + 1u] & ~BEHIND, ONE);
+    let n = select(front, -front, (order.words[departure] & BEHIND) != 0u);
+    let u = min(order.words[departure] & ~BEHIND, ONE);
+    let v = min(order.words[departure + 1u] & ~BEHIND, ONE);
     // Exact.
     let weights = vec3<f32>(f32(max(ONE, u + v) - (u + v)), f32(u), f32(v)) * 5.9604644775390625e-8;
     let origin = vec3<f32>(
@@ -218,13 +203,13 @@ fn ray_from(index: u32) -> Ray {
         start_of(weights, vec3<f32>(a.y, b.y, c.y), n.y),
         start_of(weights, vec3<f32>(a.z, b.z, c.z), n.z),
     ) * back;
-    let parent = parent_of(index);
-    let at = disc_of(spread_pair(bounce.seed, parent / bounce.samples, bounce.dimension, parent % bounce.samples));
+    let parent = named(order.parents, index);
+    let at = disc_of(spread_pair(order.seed, parent / order.samples, order.dimension, parent % order.samples));
     var direction = about(n, at);
-    if bounce.disc != 0u {
+    if order.disc != 0u {
         direction = towards(at);
     }
-    return prepared(origin, direction, bounce.tmax, primitives[slot], bounce.exponents, true);
+    return prepared(origin, direction, order.tmax, primitives[slot], order.exponents, true);
 }
 
 @compute @workgroup_size(GROUP)
@@ -234,9 +219,9 @@ fn make_bounces(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let index = (group.y * groups.x + group.x) * GROUP + lane;
-    if index >= bounce.count {
+    if index >= order.count {
         return;
     }
-    hide(bounce.zero);
-    made[bounce.first + index] = ray_from(index);
+    hide(order.zero);
+    made[named(0u, index)] = ray_from(index);
 }

@@ -11,8 +11,8 @@ struct Camera {
     forward: vec3<f32>,
     seed: u32,
     right: vec3<f32>,
-    // Number of the first ray, counted from the first sample of the first pixel.
-    first: u32,
+    // Where the table of numbers begins: those of the rays, counted from the first sample of the first pixel below.
+    numbers: u32,
     up: vec3<f32>,
     count: u32,
     // Width and height of a pixel in image positions.
@@ -23,11 +23,13 @@ struct Camera {
     exponents: vec2<u32>,
     // Always 0, which compilers do not know.
     zero: u32,
+    // Where the pixels begin, each x | y << 16.
+    pixels: u32,
+    // At word 0 the table of places in the window.
+    words: array<u32>,
 }
 
-// Each x | y << 16.
-@group(0) @binding(4) var<storage, read> pixels: array<u32>;
-@group(0) @binding(5) var<storage, read> camera: Camera;
+@group(0) @binding(5) var<storage, read> order: Camera;
 @group(0) @binding(6) var<storage, read_write> made: array<Ray>;
 
 const GROUP: u32 = 64u;
@@ -39,27 +41,27 @@ fn make_rays(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let index = (group.y * groups.x + group.x) * GROUP + lane;
-    if index >= camera.count {
+    if index >= order.count {
         return;
     }
-    hide(camera.zero);
-    let number = camera.first + index;
-    let pixel = pixels[number / camera.samples];
+    hide(order.zero);
+    let number = named(order.numbers, index);
+    let pixel = order.words[order.pixels + number / order.samples];
     var inside = vec2<f32>(0.5);
-    if camera.samples > 1u {
-        inside = spread_pair(camera.seed, pixel, 0u, number % camera.samples);
+    if order.samples > 1u {
+        inside = spread_pair(order.seed, pixel, 0u, number % order.samples);
     }
     // rt_core::CameraRays::ray and Camera::ray. Products with 2 are exact.
-    let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * camera.pixel.x);
-    let y = keep(keep(f32(pixel >> 16u) + inside.y) * camera.pixel.y);
-    let across = keep(keep(2.0 * x - 1.0) * camera.aspect);
+    let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * order.pixel.x);
+    let y = keep(keep(f32(pixel >> 16u) + inside.y) * order.pixel.y);
+    let across = keep(keep(2.0 * x - 1.0) * order.aspect);
     let upward = keep(1.0 - 2.0 * y);
     let direction = vec3<f32>(
-        component(camera.forward.x, camera.right.x, across, camera.up.x, upward),
-        component(camera.forward.y, camera.right.y, across, camera.up.y, upward),
-        component(camera.forward.z, camera.right.z, across, camera.up.z, upward),
+        component(order.forward.x, order.right.x, across, order.up.x, upward),
+        component(order.forward.y, order.right.y, across, order.up.y, upward),
+        component(order.forward.z, order.right.z, across, order.up.z, upward),
     );
-    made[index] = prepared(camera.origin, direction, camera.tmax, NO_PRIMITIVE, camera.exponents, false);
+    made[named(0u, index)] = prepared(order.origin, direction, order.tmax, NO_PRIMITIVE, order.exponents, false);
 }
 
 fn component(forward: f32, right: f32, across: f32, up: f32, upward: f32) -> f32 {

@@ -35,7 +35,7 @@ fn bounced() -> Result<Vec<Twins>, Failed> {
         let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, samples, bounce };
         let all = 0..u32::MAX;
         let made = |aim: Aim, spec: StreamSpec| {
-            let departures = spawner.departures(aim, all.clone()).into();
+            let [departures] = spawner.departures([aim], all.clone()).map(Into::into);
             let made = BounceRays { surfaces: Arc::clone(&surfaces), departures, scatter: spawner.scatter(aim) };
             (Arc::new(made), spec)
         };
@@ -68,12 +68,13 @@ pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
             }
             let mut tracer = device.tracer(car()?.0, clock)?;
             tracer.load_rays(RaySource::Bounce(Arc::clone(&made)), spec)?;
-            let (count, sent) = (made.len(), tracer.traffic().uploaded);
+            let count = made.len();
+            let found = launch(&mut *tracer, &tasks_of(count, 611), None)?;
+            let sent = tracer.traffic().uploaded;
             println!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count));
             if device.card().software && (device.tally().made() != u64::from(count) || sent > 17 * u64::from(count)) {
                 return Err(format!("{} of {count} rays made, {sent} bytes sent", device.tally().made()).into());
             }
-            let found = launch(&mut *tracer, &tasks_of(count, 611), None)?;
             let (hits, counts) = tree::trace(&car()?.0, spec, &explicit);
             if spec == COUNTED {
                 compare(&format!("{window:?}"), &found, &hits, &counts)?;
@@ -109,8 +110,8 @@ const WRONG: [(&str, &str); 6] = [
     ("abs(sum.x) * HALF_STEP", "abs(sum.x) * CLEARANCE"),
     ("c + GRID", "c + COARSE"),
     ("for (var i = 0; i < 3; i += 1)", "for (var i = 0; i < 2; i += 1)"),
-    ("bounce.dimension, parent", "0u, parent"),
-    ("(index - parents[1u + 2u * low])", "index"),
+    ("order.dimension, parent", "0u, parent"),
+    ("(item - order.words[rows + 2u * low])", "item"),
     ("select(x.value, STEEPEST, none.x)", "x.value"),
 ];
 
@@ -152,10 +153,10 @@ pub(crate) fn of_a_wrong_kernel_are_the_hosts((name, _): Backend) -> Result<(), 
         }
         let mut tracer = device.tracer(car()?.0, clock)?;
         tracer.load_rays(RaySource::Bounce(Arc::clone(made)), *spec)?;
+        let found = launch(&mut *tracer, &tasks_of(made.len(), 1000), None)?;
         if device.tally().made() != 0 {
             return Err("a device that makes other rays than the host made some".into());
         }
-        let found = launch(&mut *tracer, &tasks_of(made.len(), 1000), None)?;
         let (hits, counts) = tree::trace(&car()?.0, *spec, explicit);
         compare("made by the host", &found, &hits, &counts)?;
     }

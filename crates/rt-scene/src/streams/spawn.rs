@@ -117,11 +117,19 @@ impl Spawner<'_> {
         Scatter { aim, seed: self.seed, samples: self.samples, bounce: self.bounce }
     }
 
-    /// Where the rays leave that [`Spawner::diffuse`] or [`Spawner::shadow`] would make.
+    /// Where the rays leave that [`Spawner::diffuse`] or [`Spawner::shadow`] would make, for each of `aims`: all in one
+    /// pass over the hits, since most of the work is to find the surface.
     #[must_use]
-    pub fn departures(&self, aim: Aim, range: Range<u32>) -> Vec<Departure> {
-        let scatter = self.scatter(aim);
-        self.cut(range).filter_map(|parent| Some(self.departure(&scatter, parent)?.0)).collect()
+    pub fn departures<const N: usize>(&self, aims: [Aim; N], range: Range<u32>) -> [Vec<Departure>; N] {
+        let scatters = aims.map(|aim| self.scatter(aim));
+        let mut lists = [const { Vec::new() }; N];
+        for parent in self.cut(range) {
+            let Some((from, surface)) = self.departure(parent) else { continue };
+            for (list, scatter) in lists.iter_mut().zip(&scatters) {
+                list.extend(leaves(scatter, &surface, &from).then_some(from));
+            }
+        }
+        lists
     }
 
     fn spawn(&self, aim: Aim, range: Range<u32>) -> Spawned {
@@ -132,7 +140,10 @@ impl Spawner<'_> {
             parents: Vec::with_capacity(range.len()),
         };
         for parent in range {
-            let Some((from, surface)) = self.departure(&scatter, parent) else { continue };
+            let Some((from, surface)) = self.departure(parent) else { continue };
+            if !leaves(&scatter, &surface, &from) {
+                continue;
+            }
             out.rays.push(scatter.ray(&surface, &from));
             out.origins.push(from.primitive);
             out.parents.push(parent);
@@ -145,21 +156,23 @@ impl Spawner<'_> {
         range.start.min(end)..end
     }
 
-    /// Where the ray leaves that follows from the hit of ray `parent`; `None` where none does.
-    fn departure(&self, scatter: &Scatter, parent: u32) -> Option<(Departure, Surface)> {
+    /// Where rays leave that follow from the hit of ray `parent`; `None` where none can.
+    fn departure(&self, parent: u32) -> Option<(Departure, Surface)> {
         let hit = &self.hits[parent as usize];
         // A miss has no triangle either.
         let surface = Surface::new(&self.model.triangle(hit.primitive)?, 0)?;
         let from = Departure::new(hit, surface.is_seen_from_behind(&self.rays.ray(parent).0), parent)?;
-        if let Aim::Disc { .. } = scatter.aim {
-            // At sunset only a part of the disc is above the surface: rays to the rest are left out.
-            let normal = from.normal(&surface);
-            let cosine = normal.as_dvec3().dot(scatter.direction(normal, parent).as_dvec3());
-            (cosine > LEAST_COSINE).then_some(())?;
-        }
         // At the edge of single precision a coordinate may become infinite.
         (!surface.may_overflow() || from.origin(&surface).is_finite()).then_some((from, surface))
     }
+}
+
+/// Whether the ray leaves the surface: at sunset only a part of the sun's disc is above it, and rays to the rest are
+/// left out.
+fn leaves(scatter: &Scatter, surface: &Surface, from: &Departure) -> bool {
+    let Aim::Disc { .. } = scatter.aim else { return true };
+    let normal = from.normal(surface);
+    normal.as_dvec3().dot(scatter.direction(normal, from.parent).as_dvec3()) > LEAST_COSINE
 }
 
 /// Least cosine between a shadow ray and the normal: a lower one could be negative for the exact normal and direction.

@@ -21,7 +21,7 @@ impl StaticQueue {
     /// Queues with the lists of `schedule`.
     #[must_use]
     pub fn new(schedule: &Schedule) -> Self {
-        Self { slots: Slots::new(schedule), ledger: Ledger::new(schedule.tasks(), schedule.lists().len()) }
+        Self { slots: Slots::new(schedule.lists()), ledger: Ledger::new(schedule.tasks(), schedule.lists().len()) }
     }
 }
 

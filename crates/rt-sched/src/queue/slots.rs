@@ -1,8 +1,8 @@
 //! One range of tasks per device, each in one atomic word.
 
 use super::atomics::{AtomicU64, Ordering};
-use crate::Schedule;
 use alloc::boxed::Box;
+use alloc::vec::Vec;
 use core::ops::Range;
 use rt_core::TaskId;
 
@@ -33,14 +33,14 @@ fn unpack(word: u64) -> Range<u32> {
 }
 
 impl Slots {
-    pub(crate) fn new(schedule: &Schedule) -> Self {
+    pub(crate) fn new(lists: &[Vec<TaskId>]) -> Self {
         let mut end = 0;
-        let ranges = schedule.lists().iter().map(|list| {
+        let ranges = lists.iter().map(|list| {
             let start = end;
             end += list.len() as u32;
             Slot(AtomicU64::new(pack(&(start..end))))
         });
-        Self { ranges: ranges.collect(), order: schedule.lists().iter().flatten().copied().collect() }
+        Self { ranges: ranges.collect(), order: lists.iter().flatten().copied().collect() }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn nothing_is_taken_twice() {
         let schedule = Block.schedule(&[Work::new(1.0, 1.0, 0.0); 10], &[CostModel::UNIT; 2]);
-        let slots = Slots::new(&schedule);
+        let slots = Slots::new(schedule.lists());
         let seen = slots.range(0);
         assert_eq!(slots.take_front(0, |_| 2), 0..2, "the device was faster");
         assert_eq!(slots.take_back(0, &seen, 2), None, "so the thief must look again");

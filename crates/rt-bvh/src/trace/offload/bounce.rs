@@ -28,8 +28,8 @@ pub struct KernelBounce {
     pub samples: u32,
     /// [`rt_core::bounce::Scatter::dimension`].
     pub dimension: u32,
-    /// Place in the window of the first ray to make.
-    pub first: u32,
+    /// Word at which the table of parents begins.
+    pub parents: u32,
     /// How many rays to make.
     pub count: u32,
     /// Largest accepted distance.
@@ -40,15 +40,9 @@ pub struct KernelBounce {
     pub exponents: [u32; 2],
     /// 0: kernels hide results from their compiler behind it.
     pub zero: u32,
-    unused: [u32; 3],
-}
-
-impl KernelBounce {
-    /// The same for `count` rays, to be made from place `first` of their window on.
-    #[must_use]
-    pub const fn part(&self, first: u32, count: u32) -> Self {
-        Self { first, count, ..*self }
-    }
+    /// Word at which the departures begin.
+    pub departures: u32,
+    unused: [u32; 2],
 }
 
 /// Exponent of 1 as [`Offload::bounce`] counts them: 1 is in [2⁻¹, 2⁰) times 2.
@@ -94,13 +88,14 @@ impl Offload<'_> {
             bitangent,
             samples: rays.scatter.samples.max(1),
             dimension: rays.scatter.dimension(),
-            first: 0,
+            parents: 0,
             count: rays.len(),
             tmax: f32::MAX,
             coordinates: [least, greatest].map(|exponent| (exponent + UNIT) as u32),
             exponents,
             zero: 0,
-            unused: [0; 3],
+            departures: 0,
+            unused: [0; 2],
         })
     }
 }

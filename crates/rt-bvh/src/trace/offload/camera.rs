@@ -21,8 +21,8 @@ pub struct KernelCamera {
     pub seed: u32,
     /// Half the image's width, for a square image.
     pub right: Vec3,
-    /// Number of the first ray to make.
-    pub first: u32,
+    /// Word at which the table of the rays' numbers begins.
+    pub numbers: u32,
     /// Half the image's height.
     pub up: Vec3,
     /// How many rays to make.
@@ -37,7 +37,8 @@ pub struct KernelCamera {
     pub exponents: [u32; 2],
     /// 0: kernels hide results from their compiler behind it.
     pub zero: u32,
-    unused: u32,
+    /// Word at which the pixels begin.
+    pub pixels: u32,
 }
 
 /// Exponents within which no product of the kernel's vanishes or overflows that matters to the direction: beside a
@@ -55,18 +56,6 @@ pub(super) fn direction_exponents(scene: i32, reach: i32) -> Option<[u32; 2]> {
     let least = (scene + reach - GREATEST_EXPONENT + 1).max(EXPONENTS[0]);
     let greatest = (scene - LEAST_EXPONENT).min(EXPONENTS[1]);
     (least <= greatest).then(|| [least, greatest].map(|exponent| (exponent + BIAS) as u32))
-}
-
-impl KernelCamera {
-    /// The camera for `count` rays of the stream from number `first` on, and those of the stream's pixels that they belong
-    /// to.
-    #[must_use]
-    pub fn part<'a>(&self, rays: &'a CameraRays, first: u32, count: u32) -> (Self, &'a [u32]) {
-        let begin = first / rays.samples;
-        let end = (first + count).div_ceil(rays.samples);
-        let camera = Self { first: first - begin * rays.samples, count, ..*self };
-        (camera, &rays.pixels[begin as usize..end as usize])
-    }
 }
 
 impl Offload<'_> {
@@ -88,7 +77,7 @@ impl Offload<'_> {
             forward: rays.camera.forward(),
             seed: rays.seed,
             right,
-            first: 0,
+            numbers: 0,
             up,
             count: rays.len(),
             pixel: raster.pixel,
@@ -96,7 +85,7 @@ impl Offload<'_> {
             tmax: f32::MAX,
             exponents,
             zero: 0,
-            unused: 0,
+            pixels: 0,
         })
     }
 }
@@ -139,21 +128,5 @@ mod tests {
         let scene = scene(1.0);
         assert!(Offload::new(&scene).camera(&CameraRays { size: [0, 4], ..rays(1.0, 1) }).is_none());
         assert!(Offload::new(&scene).camera(&rays(1.0, 0)).is_none());
-    }
-
-    /// A part has the pixels of its own rays. Fails when the last pixel, cut in the middle, is left out.
-    #[test]
-    fn parts_name_the_pixels_of_their_rays() {
-        let (scene, rays) = (scene(1.0), rays(1.0, 3));
-        let camera = Offload::new(&scene).camera(&rays).expect("ordinary");
-        for (first, count) in [(0, 48), (0, 1), (2, 3), (3, 3), (47, 1), (4, 11)] {
-            let (part, pixels) = camera.part(&rays, first, count);
-            for i in 0..count {
-                let number = part.first + i;
-                assert_eq!(pixels[(number / 3) as usize], rays.pixels[((first + i) / 3) as usize]);
-                assert_eq!(number % 3, (first + i) % 3);
-            }
-            assert_eq!(pixels.len() as u32, (part.first + count).div_ceil(3));
-        }
     }
 }

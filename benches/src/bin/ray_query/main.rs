@@ -1,0 +1,148 @@
+//! Compares our kernels with the driver's own ray tracing on one Vulkan device: Mray/s of the time in kernels, and the
+//! answers.
+//!
+//! `cargo run --release -p rt-benches --bin ray_query -- SCENE... [--device 0] [--runs 7] [--size 512x512]`
+//!
+//! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute kernel
+//! with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read rays
+//! from a buffer and write four bytes a ray. The peer is not told which triangle a ray leaves: rays of bounces start at 2⁻¹⁶
+//! of the scene's largest coordinate instead.
+#![deny(unsafe_code)]
+
+mod peer;
+
+use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
+use peer::Peer;
+use rt_balance::stats::{Summary, median};
+use rt_benches::BenchScene;
+use rt_bvh::{BuildOptions, Mesh, build};
+use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
+use std::error::Error;
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
+
+/// The longest a launch may take; a software rasteriser on a loaded machine is slow.
+const LIMIT: Duration = Duration::from_secs(300);
+
+struct Options {
+    scenes: Vec<String>,
+    device: usize,
+    runs: usize,
+    size: [u32; 2],
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let options = Options::parse()?;
+    println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    let device = VulkanDevice::enumerate(Open::from_env())?;
+    let device = device.into_iter().nth(options.device).ok_or("there is no such device")??;
+    let peer = Peer::open(options.device)?;
+    println!("ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name);
+    if device.card().model != peer.model {
+        return Err("the two lists of devices differ: choose a --device that is the same card in both".into());
+    }
+    println!(
+        "Mray/s of the time in kernels, medians of {} interleaved runs; ours over the peer's pair by pair with its 95% \
+         interval; rays per million with other answers (for any-hit rays: hit or not). Seconds to build the peer's tree: on the device, upload included.\n",
+        options.runs
+    );
+    println!(
+        "| scene | rays | ours Mray/s | peer Mray/s | ours / peer | other answers ppm | ours built s | peer built s |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for name in &options.scenes {
+        let bench = BenchScene::open(name)?;
+        let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
+        let begin = Instant::now();
+        let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
+        let built_s = begin.elapsed().as_secs_f64();
+        compare(&bench, &scene, built_s, (&device, &peer), &options)?;
+    }
+    Ok(())
+}
+
+/// Prints a line for each stream of a scene.
+fn compare(
+    bench: &BenchScene,
+    scene: &Arc<Scene>,
+    ours_s: f64,
+    (device, peer): (&VulkanDevice, &Peer),
+    options: &Options,
+) -> Result<(), Box<dyn Error>> {
+    let tree = peer.build(&bench.model)?;
+    let mut tracer = device.tracer(Arc::clone(scene), clock)?;
+    for (kind, source, query) in bench.streams(scene, options.size)? {
+        let rays = peer.load(&tree, &source, query);
+        tracer.load_rays(source.clone(), StreamSpec { query, ..StreamSpec::default() })?;
+        let (mut times, mut differing) = ([Vec::new(), Vec::new()], 0);
+        // Once unmeasured: kernels are compiled when they are first wanted.
+        for run in 0..=options.runs {
+            let ours = trace(&mut *tracer, &source)?;
+            let theirs = peer.trace(&rays)?;
+            if run > 0 {
+                times[0].push(ours.span.in_kernel.as_secs_f64());
+                times[1].push(theirs.seconds);
+            } else {
+                differing =
+                    ours.hits.iter().zip(&theirs.found).filter(|(ours, theirs)| differ(ours, **theirs, query)).count();
+            }
+        }
+        let speed = |times: &[f64]| f64::from(source.len()) / median(times) / 1e6;
+        let Summary { median: ratio, low, high, .. } = Summary::of_ratios(&times[1], &times[0]);
+        println!(
+            "| {} | {kind} | {:.2} | {:.2} | {:.2} ({low:.2} – {high:.2}) | {:.1} | {ours_s:.2} | {:.2} |",
+            bench.name,
+            speed(&times[0]),
+            speed(&times[1]),
+            ratio,
+            differing as f64 / f64::from(source.len().max(1)) * 1e6,
+            tree.built_s,
+        );
+    }
+    Ok(())
+}
+
+/// Whether the answers to a ray differ.
+fn differ(ours: &Hit, theirs: u32, query: Query) -> bool {
+    match query {
+        Query::Closest => ours.primitive != theirs,
+        Query::Any => ours.is_hit() != (theirs != u32::MAX),
+    }
+}
+
+fn trace(tracer: &mut dyn Tracer, source: &RaySource) -> Result<Launch, Box<dyn Error>> {
+    let ticket = tracer.submit(&tasks_of(source.len(), u32::MAX), None)?;
+    let mut launch = Launch::default();
+    tracer.wait(ticket, LIMIT, &mut launch)?;
+    Ok(launch)
+}
+
+fn clock() -> Duration {
+    static ORIGIN: OnceLock<Instant> = OnceLock::new();
+    ORIGIN.get_or_init(Instant::now).elapsed()
+}
+
+impl Options {
+    fn parse() -> Result<Self, Box<dyn Error>> {
+        let mut options = Self { scenes: Vec::new(), device: 0, runs: 7, size: [512, 512] };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
+            match argument.as_str() {
+                "--device" => options.device = value()?.parse()?,
+                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
+                "--size" => {
+                    let text = value()?;
+                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
+                    options.size = [width.parse()?, height.parse()?];
+                }
+                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
+                other => return Err(format!("unknown option {other}").into()),
+            }
+        }
+        if options.scenes.is_empty() {
+            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
+        }
+        Ok(options)
+    }
+}
