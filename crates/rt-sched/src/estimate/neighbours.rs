@@ -52,7 +52,7 @@ pub(super) fn shrunk(tasks: &[Option<Own>]) -> impl Iterator<Item = Option<Belie
         }
         sum
     }));
-    tasks.to_vec().into_iter().zip(beside).enumerate().map(move |(at, (own, others))| {
+    tasks.iter().copied().zip(beside).enumerate().map(move |(at, (own, others))| {
         let own = own?;
         let Range { start, end } = around(at, JUDGED, sums.len() - 1);
         let (off, judged) = (sums[end].0 - sums[start].0, sums[end].1 - sums[start].1);

@@ -197,7 +197,7 @@ fn incoherent_tasks_learn_from_their_neighbours() {
     };
     let alike = |ray: u32| noisy(ray, 100.0);
     let slow = |ray: u32| noisy(ray, 100.0 + 60.0 * libm::sinf((ray / 1_024) as f32 / 10.0));
-    let unlike = |ray: u32| noisy(ray, if ray / 1_024 % 5 == 0 { 1_000.0 } else { 100.0 });
+    let unlike = |ray: u32| noisy(ray, if (ray / 1_024).is_multiple_of(5) { 1_000.0 } else { 100.0 });
     let tasks = tasks_of(1_024 * 400, 1_024);
     let fraction = Fraction::SIXTY_FOURTH;
     let counts: [&dyn Fn(u32) -> TestCounts; 3] = [&alike, &slow, &unlike];
