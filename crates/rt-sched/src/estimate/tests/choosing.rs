@@ -189,7 +189,7 @@ fn spent(
 /// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing is known,
 /// and the least samples of streams without a past. Trials are of a quarter of the tasks.
 ///
-/// Mutants: debts that are forgotten; a host that costs nothing; a past that has to wait for its trial; trials of all tasks.
+/// Mutants: a host that costs nothing; a past that has to wait for its trial; trials of all tasks.
 #[test]
 fn auto_pays_its_debts() {
     let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
