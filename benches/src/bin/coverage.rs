@@ -1,20 +1,22 @@
 //! How often 95% intervals of estimates hold on real scenes: promise 10, the table of docs/results/robustness.md.
 //!
 //! `cargo run --release -p rt-benches --bin coverage -- SCENE... [--size 512x512] [--task-size 1024] [--trials 200]
-//! [--seed 1] [--only NAME,...]`; a scene is `yard`, `car` or an OBJ file.
+//! [--seed 1] [--one-in 8,64] [--only NAME,...]`; a scene is `yard`, `car` or an OBJ file.
 //!
 //! Every ray's tests are counted once; then each estimator is asked again and again, with another seed each time, and
 //! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or does
-//! not. Nothing is timed, so neither the machine nor its load matters. Tasks that were walked in full, and are certain, are
-//! left out.
+//! not. So neither the machine nor its load matters, but for the last column. Tasks that were walked in full, and are
+//! certain, are left out.
 //!
 //! Columns: samples of a task, on average; trials; share of the trials whose interval holds; the same over trials whose
 //! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals
 //! hold in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative
-//! to the task's tests, in the median.
+//! to the task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; what
+//! the estimator itself computes for one estimate, in milliseconds of one thread's processor time, in the median.
 #![forbid(unsafe_code)]
 
 use rayon::prelude::*;
+use rt_balance::stats::median;
 use rt_benches::BenchScene;
 use rt_bvh::Stack;
 use rt_core::{
@@ -22,6 +24,7 @@ use rt_core::{
     StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
 use rt_sched::estimate::{Adaptive, Auto, Field, Sampled, interval_95};
+use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
 
@@ -40,6 +43,7 @@ struct Options {
     task_size: u32,
     trials: u32,
     seed: u32,
+    fractions: Vec<Fraction>,
     only: Vec<String>,
 }
 
@@ -70,15 +74,20 @@ struct Outcome {
     samples: u64,
     /// Half the interval over the task's tests.
     widths: Vec<f32>,
+    /// Mean error against exact counts, and its 95th percentile, of each estimate.
+    errors: Vec<[f64; 2]>,
+    /// Thread seconds of each estimate.
+    host_s: Vec<f64>,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     println!("command: coverage {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     println!(
-        "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 90% | ± % |"
+        "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 90% | ± % | \
+         error % | p95 % | host ms |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     let cases = cases(&options);
     for name in &options.scenes {
         let scene = BenchScene::open(name)?;
@@ -106,8 +115,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options =
-            Self { scenes: Vec::new(), size: [512; 2], task_size: 1024, trials: 200, seed: 1, only: Vec::new() };
+        let mut options = Self {
+            scenes: Vec::new(),
+            size: [512; 2],
+            task_size: 1024,
+            trials: 200,
+            seed: 1,
+            fractions: vec![Fraction::EIGHTH, Fraction::SIXTY_FOURTH],
+            only: Vec::new(),
+        };
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
@@ -120,6 +136,11 @@ impl Options {
                 "--task-size" => options.task_size = value()?.parse::<u32>()?.max(1),
                 "--trials" => options.trials = value()?.parse::<u32>()?.max(1),
                 "--seed" => options.seed = value()?.parse()?,
+                "--one-in" => {
+                    let fraction = |text: &str| text.parse().ok().and_then(|n: f64| Fraction::new(1.0 / n));
+                    let all: Option<Vec<Fraction>> = value()?.split(',').map(fraction).collect();
+                    options.fractions = all.ok_or("--one-in 8,64: one ray in so many, at most 4096")?;
+                }
                 "--only" => options.only = value()?.split(',').map(str::to_owned).collect(),
                 scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
                 other => return Err(format!("unknown option {other}").into()),
@@ -139,7 +160,7 @@ fn cases(options: &Options) -> Vec<Case> {
     let mut add = |name: String, make: Box<dyn Fn() -> Box<dyn CostEstimator> + Sync>, walk, warming| {
         cases.push(Case { name, make, walk, warming });
     };
-    for fraction in [Fraction::EIGHTH, Fraction::SIXTY_FOURTH] {
+    for &fraction in &options.fractions {
         let label = |name: &str| format!("{name} 1/{:.0}", 1.0 / fraction.value());
         add(label("exact"), Box::new(move || Box::new(Sampled::new(Walk::Full, fraction))), Walk::Full, 0);
         add(label("reduced"), Box::new(move || Box::new(Sampled::new(reduced, fraction))), reduced, 0);
@@ -196,10 +217,17 @@ impl Case {
         for earlier in 0..self.warming {
             self.estimate(&mut *estimator, stream, seed + earlier);
         }
-        let (work, samples) = self.estimate(&mut *estimator, stream, seed + self.warming);
-        let mut outcome = Outcome { samples: samples.iter().copied().map(u64::from).sum(), ..Outcome::default() };
-        for ((task, work), &n) in stream.tasks.iter().zip(&work).zip(&samples) {
-            let truth = stream.tests(task, self.walk).sum::<u64>() as f64;
+        let (work, samples, host_s) = self.estimate(&mut *estimator, stream, seed + self.warming);
+        let truths: Vec<f64> =
+            stream.tasks.iter().map(|task| stream.tests(task, self.walk).sum::<u64>() as f64).collect();
+        let estimated: Vec<f64> = work.iter().map(|w| f64::from(w.tests())).collect();
+        let mut outcome = Outcome {
+            samples: samples.iter().copied().map(u64::from).sum(),
+            errors: EstimateErrors::new(&estimated, &truths).map(|e| [e.mean_relative, e.p95]).into_iter().collect(),
+            host_s: vec![host_s],
+            ..Outcome::default()
+        };
+        for (((task, work), &n), &truth) in stream.tasks.iter().zip(&work).zip(&samples).zip(&truths) {
             let mut seen = [0; 2];
             if let Some(half) = interval_95(work, n).filter(|_| n < task.rays) {
                 let off = (f64::from(work.tests()) - truth).abs();
@@ -211,16 +239,21 @@ impl Case {
         outcome
     }
 
-    /// What a driver does, with the counts that are known already. Returns work and number of samples of each task.
-    fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>) {
+    /// What a driver does, with the counts that are known already. Returns work and number of samples of each task, and
+    /// thread seconds of the estimator's own work.
+    fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>, f64) {
         let Stream { kind, source, tasks, .. } = stream;
         let asked =
             RayStream { kind: *kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
+        let mut host_s = 0.0;
         loop {
-            match estimator.next(asked, Observation { rays: &rays, counts: &counts }) {
-                Step::Done(work) => return (work, samples),
+            let begin = thread_s();
+            let step = estimator.next(asked, Observation { rays: &rays, counts: &counts });
+            host_s += thread_s() - begin;
+            match step {
+                Step::Done(work) => return (work, samples, host_s),
                 Step::Sample { rays: wanted, walk } => {
                     counts = wanted.iter().map(|&ray| stream.counts(walk)[ray as usize]).collect();
                     for &ray in &wanted {
@@ -243,6 +276,8 @@ impl Outcome {
         }
         self.samples += other.samples;
         self.widths.append(&mut other.widths);
+        self.errors.append(&mut other.errors);
+        self.host_s.append(&mut other.host_s);
         self
     }
 }
@@ -260,16 +295,33 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
     let estimates = outcome.samples as f64 / tasks as f64;
     outcome.widths.sort_unstable_by(f32::total_cmp);
     let width = outcome.widths.get(outcome.widths.len() / 2).copied().unwrap_or(f32::NAN);
+    let mean = |part: usize| outcome.errors.iter().map(|e| e[part]).sum::<f64>() / outcome.errors.len().max(1) as f64;
     // Of each task in each trial, certain ones included.
     let runs = (outcome.trials.iter().map(|[trials, _]| *trials).max().unwrap_or(0)).max(1);
     println!(
-        "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} |",
+        "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} | {:.2} | {:.1} | {:.2} |",
         stream.kind,
         case.name,
         estimates / f64::from(runs),
         all[0],
         percent(all),
         percent(differing),
-        100.0 * width
+        100.0 * width,
+        100.0 * mean(0),
+        100.0 * mean(1),
+        1e3 * median(&outcome.host_s)
     );
+}
+
+/// Processor seconds of this thread.
+#[cfg(unix)]
+fn thread_s() -> f64 {
+    let t = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    t.tv_sec as f64 + 1e-9 * t.tv_nsec as f64
+}
+
+/// The wall's time, where the system does not tell.
+#[cfg(not(unix))]
+fn thread_s() -> f64 {
+    std::time::UNIX_EPOCH.elapsed().map_or(f64::NAN, |t| t.as_secs_f64())
 }

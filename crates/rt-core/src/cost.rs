@@ -330,18 +330,25 @@ pub struct StreamRecord<'a> {
 }
 
 impl StreamRecord<'_> {
+    /// Device seconds of a traced ray; `None` unless they were measured.
+    #[must_use]
+    pub fn ray_s(&self) -> Option<f64> {
+        let seconds = self.trace_s / self.traced_rays as f64;
+        (seconds.is_finite() && seconds > 0.0).then_some(seconds)
+    }
+
     /// Seconds of a walked ray in seconds of a traced one, without a unit; `None` unless both were measured.
     #[must_use]
     pub fn walk_price(&self) -> Option<f64> {
-        let price = (self.walk_s / self.walked_rays as f64) / (self.trace_s / self.traced_rays as f64);
+        let price = (self.walk_s / self.walked_rays as f64) / self.ray_s()?;
         (price.is_finite() && price > 0.0).then_some(price)
     }
 
-    /// What the host's part of the estimate cost, as a share of the trace; `None` unless the trace was measured.
+    /// What the host did for a walked ray, over all devices, in seconds of a traced ray; `None` unless both were measured.
     #[must_use]
-    pub fn host_share(&self) -> Option<f64> {
-        let share = self.host_s / self.trace_s;
-        (share.is_finite() && share >= 0.0).then_some(share)
+    pub fn host_price(&self) -> Option<f64> {
+        let price = (self.host_s / self.walked_rays as f64) / self.ray_s()?;
+        (price.is_finite() && price >= 0.0).then_some(price)
     }
 }
 

@@ -1,7 +1,9 @@
 //! Sampled counts, task by task, and what they say of their own error.
 
+use super::neighbours::{Own, shrunk};
 use crate::sample::{Fraction, RaySampler};
 use alloc::vec::Vec;
+use core::ops::Range;
 use rt_core::{Observation, RayStream, Task, TestCounts, Work};
 
 /// The rays that an estimator has asked for and waits for.
@@ -59,23 +61,81 @@ impl<'a> Batch<'a> {
         })
     }
 
+    /// Whether every task that has rays has a sample.
+    pub(super) fn reaches_all(&self) -> bool {
+        self.tasks().all(|(task, rays, _)| task.rays == 0 || !rays.is_empty())
+    }
+
     /// Each task's samples scaled to all its rays, with their standard error.
+    ///
+    /// Of random samples the means are first shrunk towards those of the tasks beside them; evenly spread ones of coherent
+    /// rays know their own tasks too well for that ([`super::Sampled`] has figures).
     pub(super) fn extrapolated(&self) -> Vec<Work> {
-        let sampler = RaySampler::for_kind(self.stream.kind);
-        let pool = Pool::new(self.seen.counts);
         let unlike = Divergence::of(self.seen.counts);
-        let mut at = 0;
-        let work = self.tasks().map(|(task, _, sample)| {
-            let own = at..at + sample.len();
-            at = own.end;
-            let work = scaled_up(sample, task.rays).with_divergence(unlike.scaled_up(sample, task.rays));
-            match pool.cautious(own, sample, sampler) {
+        let work = match RaySampler::for_kind(self.stream.kind) {
+            RaySampler::Strided => self.scaled_up(),
+            RaySampler::Random => self.shrunk(),
+        };
+        let diverges = |((task, _, sample), work): ((Task, _, &[TestCounts]), Work)| {
+            work.with_divergence(unlike.scaled_up(sample, task.rays))
+        };
+        self.tasks().zip(work).map(diverges).collect()
+    }
+
+    /// Each task by its own samples.
+    fn scaled_up(&self) -> Vec<Work> {
+        let pool = Pool::new(self.seen.counts);
+        let work = self.placed().map(|(task, own, sample)| {
+            let work = scaled_up(sample, task.rays);
+            match pool.variance(own, sample, RaySampler::Strided, BORROWED) {
                 _ if sample.len() >= task.rays as usize => work.with_std_error(0.0),
                 Some(variance) => work.with_std_error(std_error(variance, sample.len(), task.rays) as f32),
                 None => work,
             }
         });
         work.collect()
+    }
+
+    /// Each task by its own samples and its neighbours'.
+    fn shrunk(&self) -> Vec<Work> {
+        let pool = Pool::new(self.seen.counts);
+        // Standard errors are of all rays of a task, variances here of the mean of one.
+        let of_mean = |variance: f64, task: Task, sample: &[TestCounts]| {
+            let error = std_error(variance, sample.len(), task.rays) / f64::from(task.rays.max(1));
+            error * error
+        };
+        let own = self.placed().map(|(task, own, sample)| {
+            let (variance, _) = pool.wide(own, sample).filter(|_| !sample.is_empty())?;
+            let one = scaled_up(sample, 1);
+            let mean = [f64::from(one.boxes()), f64::from(one.triangles())];
+            let enough = sample.len() * ENOUGH >= task.rays as usize;
+            Some(Own { mean, variance: if enough { 0.0 } else { of_mean(variance, task, sample) } })
+        });
+        let own: Vec<Option<Own>> = own.collect();
+        let work = self.placed().zip(shrunk(&own)).map(|((task, own, sample), believed)| {
+            let work = scaled_up(sample, task.rays);
+            let walked = sample.len() >= task.rays as usize;
+            let (Some(believed), Some((pooled, around)), false) = (believed, pool.wide(own, sample), walked) else {
+                return if walked { work.with_std_error(0.0) } else { work };
+            };
+            let rays = f64::from(task.rays);
+            let [boxes, triangles] = believed.mean.map(|mean| (mean * rays) as f32);
+            // Of random samples where a few rays are dear, mean and variance are low together, and an estimate that is too low
+            // would claim to be certain (W. Cochran, *Sampling Techniques*, 1977, 2.15): the neighbourhood's is the least
+            // that is believed.
+            let left = of_mean(pooled.max(around), task, sample) * believed.left;
+            Work::new(task.rays as f32, boxes, triangles).with_std_error((rays * libm::sqrt(left)) as f32)
+        });
+        work.collect()
+    }
+
+    /// Each task with the positions of its samples among all, and their counts.
+    fn placed(&self) -> impl Iterator<Item = (Task, Range<usize>, &'a [TestCounts])> + use<'a> {
+        let mut at = 0;
+        self.tasks().map(move |(task, _, sample)| {
+            at += sample.len();
+            (task, at - sample.len()..at, sample)
+        })
     }
 }
 
@@ -152,6 +212,10 @@ pub(super) struct Pool {
     sums: Vec<f64>,
 }
 
+/// A task of which one ray in so many is sampled is known well enough, and is not shrunk: intervals would hold in 92% of the
+/// tasks where half of the rays are sampled.
+const ENOUGH: usize = 4;
+
 /// Fewest samples that a pool looks at around a task: its own neighbours, and enough for a variance.
 const WINDOW: usize = 32;
 
@@ -172,7 +236,7 @@ const BORROWED: f64 = 8.0;
 /// Degrees of freedom of a pooled variance: successive differences overlap, so 32 of them are worth some two thirds.
 const POOLED_FREEDOM: f64 = 21.0;
 
-/// Degrees of freedom of [`Pool::variance`] for so many samples, and the least of [`Pool::cautious`] (F. Satterthwaite, *An
+/// Degrees of freedom of [`Pool::variance`] for so many samples, and the least of [`Pool::wide`] (F. Satterthwaite, *An
 /// Approximate Distribution of Estimates of Variance Components*, 1946).
 pub(super) fn freedom(samples: u32) -> f64 {
     let own = f64::from(samples.saturating_sub(1));
@@ -196,7 +260,7 @@ impl Pool {
     /// few. The neighbourhood counts for `borrowed` deviations, more than none.
     pub(super) fn variance(
         &self,
-        own: core::ops::Range<usize>,
+        own: Range<usize>,
         sample: &[TestCounts],
         sampler: RaySampler,
         borrowed: f64,
@@ -204,23 +268,15 @@ impl Pool {
         Some(pooled(sample, sampler, self.around(own, WINDOW)?, borrowed))
     }
 
-    /// The variance that a standard error is made of.
-    ///
-    /// Random samples are taken where a few rays are dear: of such rays, mean and variance of a small sample are low
-    /// together, and an estimate that is too low would claim to be certain (W. Cochran, *Sampling Techniques*, 1977, 2.15).
-    /// So their neighbourhood is wider, counts for as much as they do, and is the least that is believed.
-    fn cautious(&self, own: core::ops::Range<usize>, sample: &[TestCounts], sampler: RaySampler) -> Option<f64> {
-        match sampler {
-            RaySampler::Strided => self.variance(own, sample, sampler, BORROWED),
-            RaySampler::Random => {
-                let around = self.around(own, WIDER * sample.len().max(LEAST_RANDOM))?;
-                Some(pooled(sample, sampler, around, BORROWED.max(sample.len() as f64)).max(around))
-            }
-        }
+    /// For random samples: the variance of the tests of one ray, by the task and a neighbourhood that is wider and counts for
+    /// as much as it does; and by that neighbourhood alone.
+    fn wide(&self, own: Range<usize>, sample: &[TestCounts]) -> Option<(f64, f64)> {
+        let around = self.around(own, WIDER * sample.len().max(LEAST_RANDOM))?;
+        Some((pooled(sample, RaySampler::Random, around, BORROWED.max(sample.len() as f64)), around))
     }
 
     /// Variance from `window` successive differences around a task, or as many as there are.
-    fn around(&self, own: core::ops::Range<usize>, window: usize) -> Option<f64> {
+    fn around(&self, own: Range<usize>, window: usize) -> Option<f64> {
         let count = self.sums.len();
         if count <= LEAST_WINDOW {
             return None;

@@ -5,17 +5,17 @@ use alloc::vec::Vec;
 use glam::Vec3;
 use rt_core::Ray;
 
-/// Where a ray is on the map.
+/// Where a ray starts and where it goes, as the map sees it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct Heading {
     /// Where it starts; for rays of one camera, which start at one point, where it goes.
     position: Vec3,
     /// Direction in octahedral coordinates (Z. Cigolle and others, *Survey of Efficient Representations for
     /// Independent Unit Vectors*, 2014), each in 0 ..= 255; 0 where the position says it already.
-    direction: [u32; 2],
+    direction: [u8; 2],
 }
 
-impl Place {
+impl Heading {
     pub(super) fn of(ray: &Ray, coherent: bool) -> Self {
         let d = ray.direction;
         let flat = d / (d.x.abs() + d.y.abs() + d.z.abs()).max(f32::MIN_POSITIVE);
@@ -27,8 +27,16 @@ impl Place {
         } else {
             [(1.0 - flat.y.abs()).copysign(flat.x), (1.0 - flat.x.abs()).copysign(flat.y)]
         };
-        Self { position: ray.origin, direction: folded.map(|x| (x * 127.5 + 127.5) as u32) }
+        // Conversions saturate; NaN is 0.
+        Self { position: ray.origin, direction: folded.map(|x| (x * 127.5 + 127.5) as u8) }
     }
+}
+
+/// A cell of the finest level; those of all others follow from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    position: [i32; 3],
+    direction: [u8; 2],
 }
 
 /// How a level divides space: halvings of the longest side of the box around the first stream's rays, and of each
@@ -44,8 +52,11 @@ const RESOLUTIONS: [Resolution; Cells::LEVELS] = [
     Resolution { position: 4, direction: 0 },
     Resolution { position: 4, direction: 2 },
     Resolution { position: 6, direction: 0 },
-    Resolution { position: 7, direction: 0 },
+    Resolution { position: FINEST, direction: 0 },
 ];
+
+/// Halvings of the level that divides space most.
+const FINEST: u32 = 7;
 
 /// Cells of a level, a power of two: 512 kB a level, which the second-level cache of a processor core holds.
 const CAPACITY: usize = 1 << 15;
@@ -98,8 +109,8 @@ impl Cells {
     pub(super) const LEVELS: usize = 4;
 
     /// Empty cells sized for these rays. Later ones may lie outside.
-    pub(super) fn around(places: &[Place]) -> Self {
-        let finite = places.iter().map(|place| place.position).filter(|p| p.is_finite());
+    pub(super) fn around(headings: &[Heading]) -> Self {
+        let finite = headings.iter().map(|heading| heading.position).filter(|p| p.is_finite());
         let (min, max) = finite.fold((Vec3::MAX, Vec3::MIN), |(min, max), p| (min.min(p), max.max(p)));
         let side = (max - min).max_element();
         let scale = if side > 0.0 && side.is_finite() && (1.0 / side).is_finite() { 1.0 / side } else { 0.0 };
@@ -118,13 +129,19 @@ impl Cells {
         }
     }
 
+    /// Where a ray is on the map.
+    pub(super) fn place(&self, heading: &Heading) -> Place {
+        let cells = (heading.position - self.corner) * (self.scale * (1_u32 << FINEST) as f32);
+        // Rounded down. Conversions saturate, so that far places share the outermost cells; NaN is 0.
+        let floor = |c: f32| (c as i32).saturating_sub(i32::from((c as i32) as f32 > c));
+        Place { position: cells.to_array().map(floor), direction: heading.direction }
+    }
+
     /// The key of the place's cell on a level, never 0.
-    fn key(&self, level: usize, place: &Place) -> u32 {
+    fn key(level: usize, place: &Place) -> u32 {
         let Resolution { position, direction } = RESOLUTIONS[level];
-        // Conversions saturate, so that far places share the outermost cells; NaN is 0.
-        let cells = ((place.position - self.corner) * (self.scale * (1_u32 << position) as f32)).floor();
-        let [x, y, z] = cells.to_array().map(|c| c as i32 as u32);
-        let [u, v] = place.direction.map(|d| d >> (8 - direction));
+        let [x, y, z] = place.position.map(|c| (c >> (FINEST - position)) as u32);
+        let [u, v] = place.direction.map(|d| u32::from(d) >> (8 - direction));
         // An odd multiplier for each coordinate, then the finalizer of MurmurHash3 (A. Appleby, 2011).
         let mut hash = x.wrapping_mul(0x9e37_79b1)
             ^ y.wrapping_mul(0x85eb_ca77)
@@ -138,31 +155,34 @@ impl Cells {
     /// Calls `found` with the place's cell on each level that has one.
     pub(super) fn visit(&self, place: &Place, mut found: impl FnMut(&Cell)) {
         for (level, cells) in self.levels.iter().enumerate() {
-            let key = self.key(level, place);
+            let key = Self::key(level, place);
             if let Some(cell) = probes(key).map(|slot| &cells[slot]).find(|cell| cell.key == key) {
                 found(cell);
             }
         }
     }
 
-    /// Adds a sample's residual to its cell and returns the cell's slot; `None` where the table is full around it.
-    pub(super) fn add(&mut self, level: usize, place: &Place, residual: [f32; 2]) -> Option<usize> {
-        let key = self.key(level, place);
+    /// Adds a sample's residual to its cell and returns the cell's slot; [`NO_SLOT`] where the table is full around it.
+    pub(super) fn add(&mut self, level: usize, place: &Place, residual: [f32; 2]) -> u32 {
+        let key = Self::key(level, place);
         let cells = &mut self.levels[level];
-        let slot = probes(key)
-            .find(|&slot| cells[slot].key == key)
-            .or_else(|| probes(key).find(|&slot| cells[slot].key == 0))?;
+        let own = probes(key).find(|&slot| cells[slot].key == key);
+        let Some(slot) = own.or_else(|| probes(key).find(|&slot| cells[slot].key == 0)) else { return NO_SLOT };
         let cell = &mut cells[slot];
         cell.key = key;
         cell.weight += 1.0;
         cell.sum = [cell.sum[0] + residual[0], cell.sum[1] + residual[1]];
-        Some(slot)
+        slot as u32
     }
 
-    pub(super) fn cell(&self, level: usize, slot: usize) -> &Cell {
-        &self.levels[level][slot]
+    /// The cell of a slot; `None` for [`NO_SLOT`].
+    pub(super) fn cell(&self, level: usize, slot: u32) -> Option<&Cell> {
+        self.levels[level].get(slot as usize)
     }
 }
+
+/// No cell.
+pub(super) const NO_SLOT: u32 = u32::MAX;
 
 fn probes(key: u32) -> impl Iterator<Item = usize> {
     (0..PROBES).map(move |probe| (key as usize + probe) % CAPACITY)

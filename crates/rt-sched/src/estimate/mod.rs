@@ -3,7 +3,7 @@
 //! | estimator | source | what it asks of the devices |
 //! |---|---|---|
 //! | [`Uniform`] | the paper's regular tasks | nothing: every ray costs the same |
-//! | [`Sampled`] "exact" | sampling without replacement | full traversal of a sample, whose hits are kept |
+//! | [`Sampled`] "exact" | sampling without replacement; empirical Bayes where rays are incoherent | full traversal of a sample, whose hits are kept |
 //! | [`Sampled`] "reduced…" | M. Rincón-Nigro and Z. Deng (2013) | reduced traversal of a sample, whose rays are traced again |
 //! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
 //! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
@@ -20,6 +20,7 @@ mod batch;
 mod cells;
 mod field;
 mod history;
+mod neighbours;
 mod price;
 mod sampled;
 #[cfg(test)]

@@ -36,7 +36,7 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
 
-/// On the simulator, sampling as long as it pays comes within 1.5% of the best fixed fraction, whatever a walk costs, and no
+/// On the simulator, sampling as long as it pays comes within 3% of the best fixed fraction, whatever a walk costs, and no
 /// fixed fraction does so for every price.
 ///
 /// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
@@ -60,12 +60,12 @@ fn adaptive_samples_are_worth_their_price() {
             mean(&|| Box::new(Sampled::new(Walk::Full, fraction)), devices, price)
         });
         let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(adaptive < 1.015 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
+        assert!(adaptive < 1.03 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
         for (worst, own) in worst_fixed.iter_mut().zip(fixed) {
             *worst = worst.max(own / best);
         }
     }
-    assert!(worst_fixed.iter().all(|worst| *worst > 1.015), "{worst_fixed:?}");
+    assert!(worst_fixed.iter().all(|worst| *worst > 1.03), "{worst_fixed:?}");
 }
 
 /// Samples go where intervals are wide, and nowhere when there is nothing to balance.
@@ -121,7 +121,8 @@ fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u3
     });
 }
 
-/// Mutants: a past that is never believed; a past that is never put to the test; a price that is not learned.
+/// Mutants: a past that is never believed; one that is never put to the test; a price that is not learned; trials in every
+/// stream.
 #[test]
 fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     let tasks = tasks_of(64 * 256, 256);
@@ -138,12 +139,90 @@ fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     let fraction = auto.fraction(super::stream(StreamKind::Primary, &tasks, 1)).expect("much to gain");
     assert!((fraction.value() - 0.005).abs() < 2e-3);
     // Streams repeat exactly here: nothing predicts them better than the past.
-    assert_eq!(walks[3..7], [("history", 0); 4]);
-    assert!(walks[1].1 > 0 && walks[9].1 > 0, "every eighth stream is sampled");
+    assert!(walks[1..].iter().all(|walk| walk.0 == "history"));
+    let tried: Vec<usize> = (0..17).filter(|&seed| walks[seed].1 > 0).collect();
+    assert_eq!(tried, [0, 1, 9], "every eighth stream is a trial");
     // Another kind of stream has a past of its own.
     let diffuse_stream = super::stream(StreamKind::Diffuse(0), &tasks, 1);
     assert!(estimate(&mut auto, diffuse_stream, &diffuse).1 > 0);
     assert_eq!(auto.name(), "auto");
+}
+
+/// Device seconds of estimates beyond what tracing their rays would have taken, as a share of the trace of `streams` streams;
+/// and the share of rays walked in each. A traced ray takes a second, a walked one `price`, the host `host` for each.
+fn spent(
+    auto: &mut Auto,
+    stream: &dyn Fn(u32) -> RayStream<'static>,
+    streams: u32,
+    price: f64,
+    host: f64,
+) -> (f64, Vec<f64>) {
+    let (mut cost, mut all, mut shares) = (0.0, 0.0, Vec::new());
+    for seed in 0..streams {
+        let stream = stream(seed);
+        let (work, walked) = estimate(auto, stream, &primary);
+        let rays = f64::from(stream.rays());
+        let walked = walked as f64;
+        let outcome = |(id, task): (u32, &Task)| TaskOutcome {
+            task: id,
+            predicted_s: f64::from(work[id as usize].tests()),
+            measured_s: truth(*task, &primary),
+        };
+        let outcomes: Vec<TaskOutcome> = (0..).zip(stream.tasks).map(outcome).collect();
+        auto.learn(&LaunchRecord { stream, work: &work, device: 0, outcomes: &outcomes, per_task: true });
+        let host_s = host * walked;
+        auto.finish(&StreamRecord {
+            stream,
+            walked_rays: walked as u64,
+            walk_s: price * walked,
+            host_s,
+            traced_rays: (rays - walked) as u64,
+            trace_s: rays - walked,
+        });
+        cost += (price - 1.0) * walked + host_s;
+        all += rays;
+        shares.push(walked / rays);
+    }
+    (cost / all, shares)
+}
+
+/// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing is known,
+/// and the least samples of streams without a past. Trials are of a quarter of the tasks.
+///
+/// Mutants: a host that costs nothing; a past that has to wait for its trial; trials of all tasks.
+#[test]
+fn auto_pays_its_debts() {
+    let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
+    let repeated = |seed| super::stream(StreamKind::Primary, tasks, seed);
+    for (price, host) in [(1.5, 0.0), (3.0, 0.5), (2.0, 9.0), (9.0, 4.0)] {
+        let (cost, shares) = spent(&mut Auto::default(), &repeated, 32, price, host);
+        assert!(cost <= 0.005, "{price} {host}: {cost}");
+        let trials: Vec<f64> = shares[1..].iter().copied().filter(|share| *share > 0.0).collect();
+        assert!((2..=4).contains(&trials.len()), "{price} {host}: {shares:?}");
+        for share in trials {
+            assert!(share * (price - 1.0 + host) <= 0.005, "{price} {host}: {shares:?}");
+            assert!(share < 0.3 * 0.005 / (price - 1.0 + host) || share < 0.3 / 1_024.0, "{price} {host}: {shares:?}");
+        }
+        // Every stream is another part of the picture: no past, and samples in each of them.
+        let parts = |seed| RayStream { part: seed, ..repeated(seed) };
+        let (cost, shares) = spent(&mut Auto::default(), &parts, 32, price, host);
+        assert!(cost <= 0.0055_f64.max(1.1 * (price - 1.0 + host) / 1_024.0), "{price} {host}: {cost}");
+        assert!(shares.iter().all(|share| *share > 0.0));
+    }
+}
+
+/// Prices that change from stream to stream are believed too late, and cost more than is saved when they fall.
+///
+/// Mutant: debts that are forgotten.
+#[test]
+fn auto_pays_for_prices_it_believed() {
+    let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
+    let parts = |seed| RayStream { part: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
+    let mut auto = Auto::default();
+    let [cheap, dear] = [1.5, 4.0];
+    let cost: f64 =
+        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { dear }, 0.0).0).sum();
+    assert!(cost / 32.0 <= 0.0055, "{}", cost / 32.0);
 }
 
 /// An estimate costs no more than half of what can be gained, and none is made where that is too little.
@@ -154,9 +233,10 @@ fn auto_estimates_nothing_where_nothing_pays() {
     let tasks = tasks_of(256 * 1_024, 1_024);
     let stream = |blind_excess| RayStream { blind_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
     let mut auto = Auto::default();
-    // At the assumed price of 3, four samples a task cost 0.8% of the trace.
-    for (blind, walks) in [(0.05, true), (0.017, true), (0.014, false), (0.0, false)] {
-        let (work, walked) = estimate(&mut auto, stream(blind), &primary);
+    // At the assumed price of 3, and two devices that wait for the host, four samples a task cost 0.86% of the trace.
+    for (part, (blind, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
+        let stream = RayStream { part, ..stream(blind) };
+        let (work, walked) = estimate(&mut auto, stream, &primary);
         assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{blind}");
         assert_eq!(auto.chosen() == "uniform", !walks);
         assert_eq!(work.len(), tasks.len());
@@ -167,19 +247,23 @@ fn auto_estimates_nothing_where_nothing_pays() {
         let seconds = StreamRecord { stream, walked_rays: n, walk_s: 1.1, traced_rays: n, trace_s: 1.0, host_s };
         (0..9).for_each(|_| auto.finish(&seconds));
     };
-    finish(&mut auto, 0.0);
     let near = |found: Option<Fraction>, wanted: f64| (found.expect("pays").value() / wanted - 1.0).abs() < 0.01;
+    finish(&mut auto, 0.0);
     assert!(near(auto.fraction(stream(0.002)), 0.001 / 0.1));
-    assert!(near(auto.fraction(stream(1.0)), 0.005 / 0.1), "the budget");
-    finish(&mut auto, 0.003);
+    finish(&mut auto, 0.4);
     assert!(auto.fraction(stream(0.002)).is_none());
-    assert!(near(auto.fraction(stream(1.0)), 0.002 / 0.1));
+    // Those streams were half samples, and left a debt.
+    let (trace_s, traced_rays) = (1e4, 10_000_000);
+    auto.finish(&StreamRecord { stream: stream(1.0), walked_rays: 0, walk_s: 0.0, traced_rays, trace_s, host_s: 0.0 });
+    assert!(near(auto.fraction(stream(1.0)), 0.005 / 0.5), "the budget");
 }
 
-/// A past that no longer holds is given up.
+/// A past that no longer holds is given up after a trial on a quarter of the tasks.
+///
+/// Mutants: a past that is always believed; a part that is compared with all that was measured.
 #[test]
 fn auto_leaves_a_past_that_is_wrong() {
-    let tasks = tasks_of(64 * 1_024, 1_024);
+    let tasks = tasks_of(256 * 1_024, 1_024);
     let mut auto = Auto::default();
     for seed in 0..12 {
         // Every frame is dear elsewhere.
@@ -189,26 +273,29 @@ fn auto_leaves_a_past_that_is_wrong() {
         };
         let stream = super::stream(StreamKind::Primary, &tasks, seed);
         let (work, walked) = estimate(&mut auto, stream, &counts);
-        assert!(seed < 2 || walked > 0, "frame {seed}");
+        assert!(seed == 1 || walked > 0, "frame {seed}");
+        assert_eq!(auto.chosen() == "history", seed == 1, "frame {seed}");
         run(&mut auto, stream, &work, &counts, walked);
     }
 }
 
-/// What predicted measured seconds best makes the next estimate.
+/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in different
+/// places.
 ///
-/// Mutants: the worst instead of the best in `Auto::best`; errors of the chosen arm only.
+/// Mutants: the worse of the two in `Auto::sampling_arm`; errors of the chosen arm only.
 #[test]
 fn auto_believes_the_map_where_it_predicts_better() {
-    let source = super::learned::bounced(4);
+    let source = super::learned::scattered(4, 128);
     let counts = |ray| super::learned::cost(&source, ray);
-    let tasks = tasks_of(source.len(), 256);
+    let tasks = tasks_of(source.len(), 512);
     let mut auto = Auto::default();
     for seed in 0..4 {
         // Every stream is another part of the picture, so none has a past.
         let stream =
             RayStream { source: Some(&source), part: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
         let (work, walked) = estimate(&mut auto, stream, &counts);
-        assert_eq!(auto.chosen(), "field", "stream {seed}");
+        // Nothing is known in the first stream, and the second is the trial.
+        assert_eq!(auto.chosen(), if seed < 2 { "exact" } else { "field" }, "stream {seed}");
         run(&mut auto, stream, &work, &counts, walked);
     }
 }

@@ -6,8 +6,18 @@ use rt_core::{Ray, RaySource};
 
 /// Rays that start on a square, in Z-curve order of a 128 × 128 grid with `per_cell` rays each, in random directions.
 pub(super) fn bounced(per_cell: u32) -> RaySource {
+    bounced_in(per_cell, |cell| cell)
+}
+
+/// The same in an order in which `block` cells, a power of two, follow upon others that lie elsewhere: neighbours in the
+/// stream know nothing of each other.
+pub(super) fn scattered(per_cell: u32, block: u32) -> RaySource {
+    bounced_in(per_cell, |cell| (cell / block * 101) % (128 * 128 / block) * block + cell % block)
+}
+
+fn bounced_in(per_cell: u32, cell: impl Fn(u32) -> u32) -> RaySource {
     let ray = |i: u32| {
-        let (x, y) = rt_core::morton::decode(i / per_cell);
+        let (x, y) = rt_core::morton::decode(cell(i / per_cell));
         let [a, b] = random::pair(21, i, 0);
         let [c, _] = random::pair(21, i, 1);
         let direction = Vec3::new(2.0 * a - 1.0, 2.0 * b - 1.0, c + 0.01);
@@ -40,9 +50,9 @@ fn error(work: &[Work], tasks: &[Task], counts: &dyn Fn(u32) -> TestCounts) -> f
 /// task's own residual always believed.
 #[test]
 fn small_diffuse_tasks_are_rescued() {
-    let source = bounced(4);
-    let counts = |ray| cost(&source, ray);
-    for (size, better) in [(64, 0.5), (1_024, 1.0)] {
+    for (size, better) in [(64, 0.6), (1_024, 1.05)] {
+        let source = scattered(4, size / 4);
+        let counts = |ray| cost(&source, ray);
         let tasks = tasks_of(source.len(), size);
         let stream = RayStream { source: Some(&source), ..super::stream(StreamKind::Diffuse(0), &tasks, 3) };
         let fraction = Fraction::SIXTY_FOURTH;
@@ -83,6 +93,36 @@ fn standard_errors_of_the_map_hold() {
             work.iter().map(|w| f64::from(w.std_error().unwrap_or(0.0) / w.tests())).sum::<f64>() / work.len() as f64;
         assert!(typical < 2.5 * error(&work, &tasks, &counts), "and they are no larger than that takes: {typical}");
     }
+}
+
+/// One sample a task cannot tell how far its task is off: no error is claimed.
+///
+/// Mutant: all of their spread taken for that of rays, by which errors are 0 and 95% intervals hold in a fifth of the tasks.
+#[test]
+fn one_sample_a_task_claims_no_error() {
+    let source = bounced(4);
+    let tasks = tasks_of(source.len(), 64);
+    let stream = RayStream { source: Some(&source), ..super::stream(StreamKind::Diffuse(0), &tasks, 3) };
+    let (work, walked) = estimate(&mut Field::default(), stream, &|ray| cost(&source, ray));
+    assert_eq!(walked, tasks.len());
+    assert!(work.iter().all(|w| w.std_error().is_none() && w.tests() > 0.0));
+}
+
+/// Mutants: the map asked wherever there are rays; own samples scaled up where some tasks have none.
+#[test]
+fn coherent_tasks_speak_for_themselves() {
+    let source = bounced(1);
+    let counts = |ray| cost(&source, ray);
+    let estimates = |size| {
+        let tasks = tasks_of(source.len(), size);
+        let stream = RayStream { source: Some(&source), ..super::stream(StreamKind::Primary, &tasks, 3) };
+        let (plain, _) = estimate(&mut Sampled::default(), stream, &counts);
+        (estimate(&mut Field::default(), stream, &counts).0, plain)
+    };
+    let (map, plain) = estimates(64);
+    assert_eq!(map, plain);
+    let (map, _) = estimates(16);
+    assert!(map.iter().all(|w| w.tests() > 0.0), "three in four tasks have no sample");
 }
 
 #[test]
