@@ -1,6 +1,5 @@
 //! Static lists, geometric launches, stealing.
 
-use super::atomics::{AtomicU32, Ordering};
 use super::ledger::Ledger;
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
@@ -9,6 +8,8 @@ use crate::policy::{seconds, total};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
+// Not one of `atomics`, whose every order loom tries: it decides only how many tasks a launch takes, not whose they are.
+use core::sync::atomic::{AtomicU32, Ordering};
 use rt_core::{CostModel, TaskId, Work};
 
 /// Share of a device's remaining predicted seconds that its next launch takes, without a unit.
