@@ -154,6 +154,9 @@ impl Lane<'_, '_> {
                 if last != Pop::Launch {
                     break;
                 }
+                // Dearest first is for choosing them: in a launch neighbours belong together, for caches, and since ranges of rays
+                // that follow each other are one.
+                tasks.sort_unstable();
                 let ranges: Vec<Task> = tasks.iter().map(|&id| self.shared.stream.tasks[id as usize]).collect();
                 let ticket = tracer.submit(&ranges, self.shared.plan.kept.as_ref());
                 // In flight before the error is looked at, so that a failed submit's tasks are given back too.
