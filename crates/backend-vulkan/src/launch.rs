@@ -40,19 +40,18 @@ pub(crate) struct Slot {
     pipelines: [Option<Arc<Pipeline>>; 2],
 }
 
-/// Room for an order of up to `words` words.
+/// Room for an order.
 #[derive(Debug)]
 struct Making {
     bindings: Bindings,
-    words: u32,
     upload: Buffer,
     order: Buffer,
 }
 
 impl Making {
-    fn new(logical: &Arc<Logical>, layout: &Arc<Layout>, words: u32) -> Result<Self, DeviceError> {
-        let buffer = |purpose| Buffer::new(logical, "what rays are made of", u64::from(words) * WORD, purpose);
-        Ok(Self { bindings: Bindings::new(layout)?, words, upload: buffer(Use::Upload)?, order: buffer(Use::Kernel)? })
+    fn new(logical: &Arc<Logical>, layout: &Arc<Layout>, bytes: u64) -> Result<Self, DeviceError> {
+        let buffer = |purpose| Buffer::new(logical, "what rays are made of", bytes, purpose);
+        Ok(Self { bindings: Bindings::new(layout)?, upload: buffer(Use::Upload)?, order: buffer(Use::Kernel)? })
     }
 }
 
@@ -167,10 +166,10 @@ impl Slot {
 
     /// Writes an order to where it is copied from, and chooses its kernel's buffers.
     fn fill_order(&mut self, order: &Order, scene: &Resident, rays: &Buffer) -> Result<(), DeviceError> {
-        let words = order.words().len() as u32;
+        let bytes = size_of_val(order.words()) as u64;
         let making = match self.making.take() {
-            Some(making) if making.words >= words => making,
-            _ => Making::new(&self.logical, &self.layout, words)?,
+            Some(making) if making.order.size() >= bytes => making,
+            _ => Making::new(&self.logical, &self.layout, bytes)?,
         };
         let Making { bindings, upload, order: buffer, .. } = self.making.insert(making);
         upload.write(0, order.words());

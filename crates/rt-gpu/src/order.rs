@@ -71,11 +71,11 @@ impl Order {
             number
         });
         let mut block = *block;
-        (block.count, block.numbers) = (count, words.len() as u32);
+        (block.count, block.numbers) = (count, behind_block(&words));
         append_table(&mut words, &numbers, count);
-        block.pixels = words.len() as u32;
+        block.pixels = behind_block(&words);
         words.append(&mut pixels);
-        Self { purpose: Purpose::Camera, words: behind(bytemuck::cast_slice(&[block]), &words), count }
+        Self { purpose: Purpose::Camera, words: headed(words, &block), count }
     }
 
     /// Rays that leave surfaces, which come at their number less `first` in the window. `places` says for each slot of the
@@ -98,20 +98,35 @@ impl Order {
         let told = |from: &Departure| [from.weights[0], from.weights[1], place(from.primitive).unwrap_or(u32::MAX)];
         let list: Vec<[u32; 3]> = rows.par_iter().flat_map_iter(|row| departures(row).iter().map(told)).collect();
         let mut block = *block;
-        (block.count, block.parents) = (count, words.len() as u32);
+        (block.count, block.parents) = (count, behind_block(&words));
         append_table(&mut words, &parents, count);
-        block.departures = words.len() as u32;
+        block.departures = behind_block(&words);
         words.extend_from_slice(list.as_flattened());
-        Self { purpose: Purpose::Bounce, words: behind(bytemuck::cast_slice(&[block]), &words), count }
+        Self { purpose: Purpose::Bounce, words: headed(words, &block), count }
     }
 }
 
-/// The number of rays, and the words with the table of their places in the window.
+/// Words of [`KernelCamera`], and of [`KernelBounce`].
+const BLOCK: usize = size_of::<KernelCamera>() / size_of::<u32>();
+const _: () = assert!(size_of::<KernelBounce>() == size_of::<KernelCamera>());
+
+/// The number of rays, and the words with room for the block and the table of their places in the window.
 fn begun(rows: &[Row], first: u32) -> (u32, Vec<u32>) {
     let count = rows.iter().map(|row| row.count).sum();
-    let mut words = Vec::new();
+    let mut words = vec![0; BLOCK];
     append_table(&mut words, &ranges(rows, |row| row.ray - first), count);
     (count, words)
+}
+
+/// Where kernels find what is appended next: they count from the end of the block.
+fn behind_block(words: &[u32]) -> u32 {
+    (words.len() - BLOCK) as u32
+}
+
+/// The words with the block that there is room for.
+fn headed(mut words: Vec<u32>, block: &impl bytemuck::NoUninit) -> Vec<u32> {
+    bytemuck::cast_slice_mut(&mut words[..BLOCK]).copy_from_slice(bytemuck::bytes_of(block));
+    words
 }
 
 /// For each row its first item, and that item's number.
@@ -123,10 +138,6 @@ fn ranges(rows: &[Row], mut number: impl FnMut(&Row) -> u32) -> Vec<[u32; 2]> {
         range
     };
     rows.iter().map(&mut range).collect()
-}
-
-fn behind(block: &[u32], words: &[u32]) -> Vec<u32> {
-    [block, words].concat()
 }
 
 #[cfg(test)]
@@ -185,8 +196,8 @@ mod tests {
 
             let block = Offload::new(&scene).camera(&rays).expect("ordinary");
             let order = Order::camera(&block, &rays, &rows, first);
-            let block: KernelCamera = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..24]));
-            let words = &order.words()[24..];
+            let block: KernelCamera = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..BLOCK]));
+            let words = &order.words()[BLOCK..];
             assert_eq!((order.count(), block.count as usize), (block.count, all.len()));
             for (item, &ray) in (0..).zip(&all) {
                 let number = named(words, block.numbers, item);
@@ -202,8 +213,8 @@ mod tests {
             };
             let block = Offload::new(&scene).bounce(&rays).expect("ordinary");
             let order = Order::bounce(&block, &rays, &rows, first, &[5]);
-            let block: KernelBounce = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..24]));
-            let words = &order.words()[24..];
+            let block: KernelBounce = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..BLOCK]));
+            let words = &order.words()[BLOCK..];
             assert_eq!((order.count(), block.count as usize), (block.count, all.len()));
             for (item, &ray) in (0..).zip(&all) {
                 let Departure { weights, primitive, parent } = rays.departures[ray as usize];

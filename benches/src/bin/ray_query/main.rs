@@ -17,8 +17,9 @@ use rt_balance::stats::{Summary, median};
 use rt_benches::BenchScene;
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
+use rt_tests::conformance::clock;
 use std::error::Error;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The longest a launch may take; a software rasteriser on a loaded machine is slow.
@@ -115,11 +116,6 @@ fn trace(tracer: &mut dyn Tracer, source: &RaySource) -> Result<Launch, Box<dyn 
     let mut launch = Launch::default();
     tracer.wait(ticket, LIMIT, &mut launch)?;
     Ok(launch)
-}
-
-fn clock() -> Duration {
-    static ORIGIN: OnceLock<Instant> = OnceLock::new();
-    ORIGIN.get_or_init(Instant::now).elapsed()
 }
 
 impl Options {
