@@ -8,7 +8,7 @@
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
 use rayon::prelude::*;
 use rt_balance::stats::{median, ratios};
-use rt_benches::BenchScene;
+use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, RaySource, StreamSpec, Tracer, tasks_of};
 use rt_scene::streams::{Spawned, Spawner};
@@ -163,27 +163,16 @@ fn spawn(bench: &BenchScene, rays: &RaySource, hits: &[Hit]) -> RaySource {
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let lanes = vec![128, 1024, 16_384];
-        let mut options = Self { scenes: Vec::new(), device: 0, runs: 7, size: [512, 512], lanes };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--device" => options.device = value()?.parse()?,
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                "--lanes" => options.lanes = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
+        let (mut device, mut lanes) = (0, vec![128, 1024, 16_384]);
+        let shared = options::Options::parse([512, 512], |name, value| {
+            match name {
+                "--device" => device = value()?.parse()?,
+                "--lanes" => lanes = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+                _ => return Ok(false),
             }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+            Ok(true)
+        })?;
+        let options::Options { scenes, runs, size } = shared;
+        Ok(Self { scenes, runs, size, device, lanes })
     }
 }

@@ -5,7 +5,7 @@
 
 use backend_vulkan::{GpuDevice, Layout, Layouts, VulkanDevice};
 use rt_balance::stats::median;
-use rt_benches::BenchScene;
+use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, Stack, WideTree, build};
 use rt_core::{Device, Hit, Launch, Precision, Query, RaySource, Scene, StreamSpec, TestCounts, Tracer, tasks_of};
 use std::error::Error;
@@ -183,25 +183,15 @@ fn clock() -> Duration {
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self { scenes: Vec::new(), runs: 7, size: [512, 512], vulkan: Vec::new() };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                "--vulkan" => options.vulkan = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
+        let mut vulkan = Vec::new();
+        let shared = options::Options::parse([512, 512], |name, value| {
+            match name {
+                "--vulkan" => vulkan = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
+                _ => return Ok(false),
             }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+            Ok(true)
+        })?;
+        let options::Options { scenes, runs, size } = shared;
+        Ok(Self { scenes, runs, size, vulkan })
     }
 }

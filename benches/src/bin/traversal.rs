@@ -5,8 +5,8 @@
 #![forbid(unsafe_code)]
 
 use rt_balance::stats::median;
-use rt_benches::BenchScene;
 use rt_benches::peers::{Peer, Peers, Run};
+use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use std::error::Error;
@@ -120,25 +120,15 @@ fn run(scene: &Scene, source: &RaySource, query: Query, kernel: Kernel, mut keep
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self { scenes: Vec::new(), builder: Builder::Sah, runs: 7, size: [1024, 1024] };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--builder" => options.builder = value()?.parse()?,
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
+        let mut builder = Builder::Sah;
+        let shared = options::Options::parse([1024, 1024], |name, value| {
+            match name {
+                "--builder" => builder = value()?.parse()?,
+                _ => return Ok(false),
             }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+            Ok(true)
+        })?;
+        let options::Options { scenes, runs, size } = shared;
+        Ok(Self { scenes, runs, size, builder })
     }
 }

@@ -14,7 +14,7 @@ mod peer;
 use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
 use peer::Peer;
 use rt_balance::stats::{Summary, median};
-use rt_benches::BenchScene;
+use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
 use rt_tests::conformance::clock;
@@ -120,25 +120,15 @@ fn trace(tracer: &mut dyn Tracer, source: &RaySource) -> Result<Launch, Box<dyn 
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self { scenes: Vec::new(), device: 0, runs: 7, size: [512, 512] };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--device" => options.device = value()?.parse()?,
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
+        let mut device = 0;
+        let shared = options::Options::parse([512, 512], |name, value| {
+            match name {
+                "--device" => device = value()?.parse()?,
+                _ => return Ok(false),
             }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+            Ok(true)
+        })?;
+        let options::Options { scenes, runs, size } = shared;
+        Ok(Self { scenes, runs, size, device })
     }
 }
