@@ -1,5 +1,6 @@
 //! Ctrl-C: the first one asks the run to stop, files are written whole or not at all.
 
+use crate::exit::Exit;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -9,7 +10,7 @@ pub(crate) fn watch() {
     // Without a handler Ctrl-C simply ends the process, which loses nothing: files are renamed into place when whole.
     let _ = ctrlc::set_handler(|| {
         if REQUESTED.swap(true, Ordering::Relaxed) {
-            std::process::exit(i32::from(super::INTERRUPTED));
+            std::process::exit(i32::from(Exit::Interrupted.code()));
         }
     });
 }

@@ -6,6 +6,7 @@ mod balance;
 mod bench;
 pub mod chart;
 mod devices;
+mod exit;
 mod experiment;
 mod figure1;
 mod frame;
@@ -27,14 +28,13 @@ mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
+use exit::Exit;
 use std::process::ExitCode;
 
-/// Exit code after Ctrl-C, as shells use it: 128 + SIGINT.
-const INTERRUPTED: u8 = 130;
-
-/// Runs the command line; the exit code is 0 on success, 1 on failure, 2 on wrong usage and 130 after Ctrl-C.
+/// Runs the command line; `--help` lists the exit codes.
 #[must_use]
 pub fn main() -> ExitCode {
+    interrupt::watch();
     let cli = Cli::parse();
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
     let result = match command {
@@ -48,11 +48,11 @@ pub fn main() -> ExitCode {
         Command::Scenes(args) => list::scenes(args.json),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => Exit::Success.into(),
         Err(error) => {
             // Causes on one line: the chain ends with what to do.
             eprintln!("error: {error:#}");
-            if interrupt::requested() { ExitCode::from(INTERRUPTED) } else { ExitCode::FAILURE }
+            if interrupt::requested() { Exit::Interrupted.into() } else { Exit::of(&error).into() }
         }
     }
 }

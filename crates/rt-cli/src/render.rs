@@ -1,6 +1,7 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
+use crate::exit::OrUsage;
 use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::scene_source::{Prepared, prepare};
@@ -21,7 +22,6 @@ use std::time::Instant;
 const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
-    interrupt::watch();
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
     let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
@@ -111,7 +111,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().context("--eye, --target, --up, --fov")?;
+    view.camera().or_usage("--eye, --target, --up, --fov")?;
     Ok(view)
 }
 

@@ -1,8 +1,9 @@
 //! From the command line's scene argument to a tree that can be traced.
 
 use crate::args::SceneArgs;
+use crate::exit::usage;
 use crate::progress;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use indicatif::ProgressBar;
 use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh, Stack};
 use rt_core::{Hit, Precision, Ray, StreamSpec};
@@ -88,7 +89,10 @@ pub(crate) fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
     let path = Path::new(scene);
     if !path.exists() && path.extension().is_none() {
         let names: Vec<&str> = scenes::SCENES.iter().map(|entry| entry.name).collect();
-        bail!("`{scene}` is neither a file nor a built-in scene; built-in are: {}", names.join(", "));
+        return Err(usage(format!(
+            "`{scene}` is neither a file nor a built-in scene; built-in are: {}",
+            names.join(", ")
+        )));
     }
     let start = Instant::now();
     let mut bar: Option<ProgressBar> = None;

@@ -11,7 +11,6 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
-    interrupt::watch();
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
     let rays = npy::read_rays(&args.rays)?;

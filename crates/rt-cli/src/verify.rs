@@ -33,7 +33,6 @@ struct Report<'a> {
 const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
-    interrupt::watch();
     let begin = Instant::now();
     let names = if args.scenes.is_empty() { SCENES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
     let models = names.iter().map(|name| scene_source::load(name, false)).collect::<Result<Vec<_>>>()?;

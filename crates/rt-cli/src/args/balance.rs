@@ -14,12 +14,12 @@ pub(crate) struct EstimateArgs {
     /// the estimator auto follows its budget instead, and adaptive begins with 1/256
     #[arg(long, value_parser = parse_fraction, value_name = "F")]
     pub(crate) fraction: Option<f64>,
-    /// Share of the trace that the estimator auto may spend on sampling (such as 0.005)
-    #[arg(long, value_parser = parse_share, default_value = "0.005", value_name = "F")]
-    pub(crate) budget: f64,
-    /// What a reduced walk does at a leaf
-    #[arg(long, value_enum, default_value_t = ReducedArg::Leaf)]
-    pub(crate) reduced: ReducedArg,
+    /// Share of the trace that the estimator auto may spend on sampling [default: 0.005, half a percent]
+    #[arg(long, value_parser = parse_share, value_name = "F")]
+    pub(crate) budget: Option<f64>,
+    /// What a walk of the estimator reduced does at a leaf [default: leaf]
+    #[arg(long, value_enum)]
+    pub(crate) reduced: Option<ReducedArg>,
 }
 
 /// How work is cut, estimated and dealt.

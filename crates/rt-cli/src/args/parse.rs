@@ -18,6 +18,13 @@ pub(super) fn parse_share(text: &str) -> Result<f64, String> {
     }
 }
 
+pub(super) fn parse_fov(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
+        _ => Err("must be above 0 and below 180 degrees, such as 40".to_owned()),
+    }
+}
+
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (width, height) = text.split_once(['x', 'X']).ok_or("write it as WIDTHxHEIGHT, such as 960x600")?;
     let side = |s: &str| match s.trim().parse::<u32>() {
@@ -58,6 +65,8 @@ mod tests {
     fn values_are_parsed_or_explained() {
         assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
         assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
+        assert_eq!(parse_fov("40"), Ok(40.0));
+        assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| parse_fov(text).is_err()));
         assert_eq!(parse_size("640x400"), Ok([640, 400]));
         assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
         assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));

@@ -1,6 +1,6 @@
 //! Options of `raybalance render`.
 
-use super::parse::{parse_bytes, parse_size, parse_vec3};
+use super::parse::{parse_bytes, parse_fov, parse_size, parse_vec3};
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
 use glam::Vec3;
@@ -36,7 +36,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) up: Option<Vec3>,
     /// Vertical field of view in degrees
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
     /// Memory for rays and hits in flight, such as 512M or 2G; larger streams run in waves
     #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]

@@ -1,11 +1,12 @@
 //! Options of `raybalance verify`.
 
 use super::{DEFAULT_BUILDER, PrecisionArg};
+use crate::exit::Exit;
 use clap::Args;
 use rt_bvh::Builder;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
+#[command(after_help = format!("{}; here 1 is also that some promise did not hold.", Exit::HELP))]
 pub(crate) struct VerifyArgs {
     /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
     pub(crate) scenes: Vec<String>,

@@ -29,7 +29,6 @@ const QUICK_REPEAT: u32 = 3;
 const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
-    interrupt::watch();
     let devices = open_named(args.devices.as_deref(), &args.cards)?;
     let scenes = match &args.scenes[..] {
         [] => vec!["yard".to_owned(), "car".to_owned()],

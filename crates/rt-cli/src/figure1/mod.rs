@@ -4,9 +4,10 @@ mod measure;
 mod write;
 
 use crate::args::Figure1Args;
+use crate::exit::usage;
 use crate::experiment::{Machine, Subject, command_line};
-use crate::{devices, interrupt, progress};
-use anyhow::{Context, Result, bail, ensure};
+use crate::{devices, progress};
+use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::cpu::CpuDevice;
 use rt_core::Device;
@@ -58,8 +59,9 @@ struct Setting {
 }
 
 pub(crate) fn run(args: &Figure1Args) -> Result<()> {
-    interrupt::watch();
-    ensure!(args.task_sizes.is_sorted_by(|a, b| a < b), "--task-sizes must increase, such as 64,256,1024");
+    if !args.task_sizes.is_sorted_by(|a, b| a < b) {
+        return Err(usage("--task-sizes must increase, such as 64,256,1024"));
+    }
     let setting = setting(args)?;
     if let Some(note) = &setting.note {
         eprintln!("note: {note}");
@@ -115,7 +117,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
         let devices = devices::open(Some(list.unwrap_or("cpu:1")))?;
         if devices.len() != 1 {
-            bail!("--replay measures on one device: name one in --devices, such as cpu:1");
+            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
         }
         Ok(devices)
     };

@@ -9,10 +9,11 @@ mod streams;
 mod stretch;
 
 use crate::args::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::exit::usage;
 use crate::experiment::{Machine, Subject, command_line};
 use crate::html::Page;
-use crate::{devices, interrupt};
-use anyhow::{Result, bail};
+use crate::devices;
+use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;
 use setting::{Head, Setting, file_part};
@@ -59,7 +60,6 @@ const REPEAT: u32 = 9;
 const QUICK_REPEAT: u32 = 2;
 
 pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
-    interrupt::watch();
     let (common, chosen) = match &args.trade {
         Some(TradeArg::Precision(own)) => return precision_alone(own),
         None => (&args.common, None),
@@ -73,7 +73,8 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
         _ => (Vec::new(), Vec::new()),
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
-        bail!("{}", left_out.join("; "));
+        let reasons = left_out.join("; ");
+        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
@@ -108,9 +109,9 @@ fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
     let mut devices = devices::open(Some(list))?;
     match (devices.pop(), devices.is_empty()) {
         (Some(device), true) => Ok(device),
-        _ => {
-            bail!("--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more")
-        }
+        _ => Err(usage(format!(
+            "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
+        ))),
     }
 }
 

@@ -1,0 +1,95 @@
+//! How a command ends: all exit codes, and the error that means wrong usage.
+
+use std::error::Error;
+use std::fmt;
+use std::process::ExitCode;
+
+/// Every exit code there is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Exit {
+    Success = 0,
+    /// Something could not be done, or a promise was not kept.
+    Failure = 1,
+    /// The command line can be carried out on no machine, or names files that cannot be written; nothing was done.
+    Usage = 2,
+    /// 128 + SIGINT, as shells have it.
+    Interrupted = 130,
+    /// 128 + SIGTERM.
+    Terminated = 143,
+}
+
+impl Exit {
+    /// The table for people.
+    pub(crate) const HELP: &str =
+        "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (SIGINT), 143 terminated (SIGTERM)";
+
+    /// What an error ends in, unless a signal was its cause.
+    pub(crate) fn of(error: &anyhow::Error) -> Self {
+        if error.is::<Usage>() { Self::Usage } else { Self::Failure }
+    }
+
+    pub(crate) const fn code(self) -> u8 {
+        self as u8
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit.code())
+    }
+}
+
+/// The command line is wrong in a way that its parser cannot see.
+#[derive(Debug)]
+pub(crate) struct Usage(String);
+
+impl fmt::Display for Usage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Error for Usage {}
+
+/// An error of wrong usage; says which option is wrong, why, and what to give instead.
+pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
+    anyhow::Error::new(Usage(message.into()))
+}
+
+/// Makes an error one of wrong usage.
+pub(crate) trait OrUsage<T> {
+    /// The same with an error of wrong usage, whose message begins with `option`.
+    fn or_usage(self, option: &str) -> anyhow::Result<T>;
+}
+
+impl<T, E: Into<anyhow::Error>> OrUsage<T> for Result<T, E> {
+    fn or_usage(self, option: &str) -> anyhow::Result<T> {
+        self.map_err(|error| usage(format!("{option}: {:#}", error.into())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn the_help_names_every_code() {
+        let all = [Exit::Success, Exit::Failure, Exit::Usage, Exit::Interrupted, Exit::Terminated];
+        for exit in all {
+            assert!(Exit::HELP.contains(&format!(" {} ", exit.code())), "{exit:?}");
+        }
+    }
+
+    // Mutant: only the innermost error is looked at, or only the outermost.
+    #[test]
+    fn wrong_usage_is_known_through_what_is_said_of_it() {
+        let wrong: Result<(), _> = Err(usage("--fov must be above 0"));
+        let error = wrong.context("the camera").unwrap_err();
+        assert_eq!(Exit::of(&error), Exit::Usage);
+        assert_eq!(Exit::of(&anyhow::anyhow!("no")), Exit::Failure);
+        let refused: anyhow::Result<()> = Err("no".parse::<u32>().unwrap_err()).or_usage("--tasks");
+        assert_eq!(format!("{:#}", refused.unwrap_err()), "--tasks: invalid digit found in string");
+    }
+}
