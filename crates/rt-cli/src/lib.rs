@@ -4,24 +4,18 @@
 mod args;
 mod balance;
 mod bench;
-pub mod chart;
 mod devices;
 mod exit;
 mod experiment;
 mod figure1;
 mod frame;
-mod html;
-pub mod image;
 mod interrupt;
 mod list;
 pub mod npy;
-pub mod output;
 mod progress;
 mod render;
-mod report;
 mod scene_source;
 mod shade;
-mod table;
 mod trace;
 mod tradeoff;
 mod verify;
@@ -29,6 +23,7 @@ mod verify;
 use args::{Cli, Command};
 use clap::Parser;
 use exit::Exit;
+use rt_report::{chart, html, image, output, report, table};
 use std::process::ExitCode;
 
 /// Runs the command line; `--help` lists the exit codes.
