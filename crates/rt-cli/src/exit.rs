@@ -15,14 +15,16 @@ pub(crate) enum Exit {
     Usage = 2,
     /// 128 + SIGINT, as shells have it.
     Interrupted = 130,
+    /// 128 + SIGPIPE: whoever read standard output has gone.
+    ClosedPipe = 141,
     /// 128 + SIGTERM.
     Terminated = 143,
 }
 
 impl Exit {
     /// The table for people.
-    pub(crate) const HELP: &str =
-        "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (SIGINT), 143 terminated (SIGTERM)";
+    pub(crate) const HELP: &str = "Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted (SIGINT), \
+        141 nobody reads standard output any more, 143 terminated (SIGTERM)";
 
     /// What an error ends in, unless a signal was its cause.
     pub(crate) fn of(error: &anyhow::Error) -> Self {
@@ -76,7 +78,7 @@ mod tests {
 
     #[test]
     fn the_help_names_every_code() {
-        let all = [Exit::Success, Exit::Failure, Exit::Usage, Exit::Interrupted, Exit::Terminated];
+        let all = [Exit::Success, Exit::Failure, Exit::Usage, Exit::Interrupted, Exit::ClosedPipe, Exit::Terminated];
         for exit in all {
             assert!(Exit::HELP.contains(&format!(" {} ", exit.code())), "{exit:?}");
         }

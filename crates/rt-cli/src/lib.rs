@@ -1,5 +1,6 @@
 //! The parts of the raybalance command, as a library so that they can be tested.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod args;
 mod balance;
@@ -20,19 +21,34 @@ mod trace;
 mod tradeoff;
 mod verify;
 
+use anyhow::Result;
 use args::{Cli, Command};
 use clap::Parser;
 use exit::Exit;
+use interrupt::Interrupted;
+use rt_report::print::{Stdout, StdoutError, note};
 use rt_report::{chart, html, image, output, report, table};
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Runs the command line; `--help` lists the exit codes.
 #[must_use]
 pub fn main() -> ExitCode {
     interrupt::watch();
-    let cli = Cli::parse();
-    let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
-    let result = match command {
+    let exit = match Cli::try_parse() {
+        Ok(cli) => end(run(cli)),
+        // Help that was asked for is an output like any other.
+        Err(help) if !help.use_stderr() => end(help.print().map_err(|error| StdoutError::wrap(error).into())),
+        Err(wrong) => {
+            let _ = wrong.print();
+            Exit::Usage
+        }
+    };
+    exit.into()
+}
+
+fn run(cli: Cli) -> Result<()> {
+    match cli.command.unwrap_or_else(|| Command::Render(Box::default())) {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => figure1::run(&args),
@@ -41,13 +57,20 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => bench::run(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
-    };
-    match result {
-        Ok(()) => Exit::Success.into(),
-        Err(error) => {
-            // Causes on one line: the chain ends with what to do.
-            eprintln!("error: {error:#}");
-            if interrupt::requested() { Exit::Interrupted.into() } else { Exit::of(&error).into() }
-        }
     }
+}
+
+/// Says what went wrong.
+fn end(result: Result<()>) -> Exit {
+    let Err(error) = result.and_then(|()| Ok(Stdout.flush()?)) else { return Exit::Success };
+    if StdoutError::of(&*error).is_some_and(StdoutError::is_closed) {
+        return Exit::ClosedPipe;
+    }
+    if error.is::<Interrupted>() {
+        note("error: interrupted");
+    } else {
+        // Causes on one line: the chain ends with what to do.
+        note(format_args!("error: {error:#}"));
+    }
+    interrupt::exit().unwrap_or_else(|| Exit::of(&error))
 }
