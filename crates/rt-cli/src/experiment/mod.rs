@@ -28,7 +28,7 @@ impl Subject {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
         let prepared = prepare(scene, source)?;
-        let balancer = Balancer::new(Arc::new(prepared.built.scene.clone()), devices)?;
+        let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
         let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
         Ok(Self { name, balancer, prepared, hits: Vec::new() })
     }
