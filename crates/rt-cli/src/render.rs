@@ -26,7 +26,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let scheduling = args.balance.scheduling()?;
     let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
     let first = choose_view(&prepared, args)?;
-    let scene = Arc::new(prepared.built.scene.clone());
+    let scene = Arc::clone(&prepared.built.scene);
     let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
     let begin = Instant::now();
     let balancer = Balancer::new(Arc::clone(&scene), &devices)?;

@@ -16,7 +16,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut scheduling = args.balance.scheduling()?;
     let rays = npy::read_rays(&args.rays)?;
     let prepared = prepare(&args.scene, &args.source)?;
-    let scene = Arc::new(prepared.built.scene.clone());
+    let scene = Arc::clone(&prepared.built.scene);
     let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
 

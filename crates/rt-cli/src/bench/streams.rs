@@ -38,7 +38,7 @@ impl<'a> BenchScene<'a> {
     pub(crate) fn new(prepared: &'a Prepared, path: &Path) -> Result<Self> {
         let model = &prepared.model;
         let view = model.view.or_else(|| view::listed(path)).unwrap_or_else(|| prepared.view());
-        Ok(Self { model, tree: Arc::new(prepared.built.scene.clone()), view })
+        Ok(Self { model, tree: Arc::clone(&prepared.built.scene), view })
     }
 
     /// `rays` rays of each kind: primary ones fill a square picture, rounded up to whole rows. Kinds that the scene has

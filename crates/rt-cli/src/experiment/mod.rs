@@ -1,8 +1,6 @@
 //! What measuring commands share: a scene on devices, its streams, the machine.
 
-mod machine;
-
-pub(crate) use machine::Machine;
+pub(crate) use rt_report::{Machine, command_line};
 
 use crate::args::SceneArgs;
 use crate::interrupt;
@@ -30,7 +28,7 @@ impl Subject {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
         let prepared = prepare(scene, source)?;
-        let balancer = Balancer::new(Arc::new(prepared.built.scene.clone()), devices)?;
+        let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
         let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
         Ok(Self { name, balancer, prepared, hits: Vec::new() })
     }
@@ -90,13 +88,4 @@ pub(crate) fn trace(
 pub(crate) fn in_kernel(span: Span) -> f64 {
     let inside = if span.in_kernel.is_zero() { span.duration() } else { span.in_kernel };
     inside.as_secs_f64()
-}
-
-/// The command line as one would type it.
-pub(crate) fn command_line() -> String {
-    let words = std::env::args().skip(1).map(|word| {
-        let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
-        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
-    });
-    std::iter::once("raybalance".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }

@@ -15,7 +15,6 @@ use rt_core::Hit;
 use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// One builder on one scene.
@@ -100,7 +99,7 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
                     sah_cost: TreeStats::of(&built.scene).sah_cost,
                     bytes: built.scene.bytes(),
                 });
-                balancers.push(Balancer::new(Arc::new(built.scene), setting.devices)?);
+                balancers.push(Balancer::new(built.scene, setting.devices)?);
             }
             for (stream, mrays) in streams.iter().zip(&mut rows[index].mrays) {
                 let speed = speed(&mut balancers[index], stream, &mut hits)?;

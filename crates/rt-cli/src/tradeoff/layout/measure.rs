@@ -78,7 +78,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> R
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
     kinds.retain(|kind| kind.name != EDGES);
-    let scene = Arc::new(prepared.built.scene.clone());
+    let scene = Arc::clone(&prepared.built.scene);
     let wide = WideTree::new(&scene);
     let mut tracers = setting.cards.iter().map(|card| open(card, &scene)).collect::<Result<Vec<_>>>()?;
 

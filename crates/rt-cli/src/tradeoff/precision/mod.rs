@@ -154,7 +154,7 @@ impl Bench {
     fn measure(&self, devices: &[Named], rows: &mut Vec<Row>) -> Result<()> {
         let model = &self.prepared.model;
         let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
-        let scene = Arc::new(self.prepared.built.scene.clone());
+        let scene = Arc::clone(&self.prepared.built.scene);
         let kinds = streams(&self.prepared, &triangles, self.size, self.seed)?;
         let cells = kinds.len() * devices.len();
         for (index, kind) in kinds.iter().enumerate() {
