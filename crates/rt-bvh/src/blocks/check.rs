@@ -176,10 +176,11 @@ impl core::error::Error for BlockTreeError {}
 mod tests {
     use super::*;
     use crate::{BuildOptions, Mesh, build};
+    use alloc::sync::Arc;
     use glam::Vec3;
 
     /// A row of triangles.
-    fn row(count: u32, options: &BuildOptions) -> Scene {
+    fn row(count: u32, options: &BuildOptions) -> Arc<Scene> {
         let positions: Vec<Vec3> =
             (0..3 * count).map(|i| Vec3::new(i as f32 * 0.37, (i % 3) as f32, (i % 2) as f32)).collect();
         let indices: Vec<_> = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
