@@ -14,7 +14,7 @@ mod verify;
 use crate::exit::Exit;
 pub(crate) use balance::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
 pub(crate) use bench::BenchArgs;
-pub(crate) use cards::{CardArgs, LayoutArg};
+pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand};
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;

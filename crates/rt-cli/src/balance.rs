@@ -3,7 +3,7 @@
 use crate::args::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
 use crate::exit::{OrUsage, usage};
 use crate::frame::TaskCut;
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rt_balance::{DEFAULT_TASK_SIZE, QueueKind, Scheduling};
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
@@ -83,7 +83,7 @@ impl BalanceArgs {
             QueueArg::Hybrid => QueueKind::Hybrid,
         };
         let scheduling = Scheduling { estimator, policy, queue, ..Scheduling::default() };
-        scheduling.policy().or_usage("--policy")?;
+        scheduling.policy().context("--policy").or_usage()?;
         Ok(scheduling)
     }
 

@@ -61,13 +61,13 @@ pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
 
 /// Makes an error one of wrong usage.
 pub(crate) trait OrUsage<T> {
-    /// The same with an error of wrong usage, whose message begins with `option`.
-    fn or_usage(self, option: &str) -> anyhow::Result<T>;
+    /// The same with an error of wrong usage.
+    fn or_usage(self) -> anyhow::Result<T>;
 }
 
 impl<T, E: Into<anyhow::Error>> OrUsage<T> for Result<T, E> {
-    fn or_usage(self, option: &str) -> anyhow::Result<T> {
-        self.map_err(|error| usage(format!("{option}: {:#}", error.into())))
+    fn or_usage(self) -> anyhow::Result<T> {
+        self.map_err(|error| usage(format!("{:#}", error.into())))
     }
 }
 
@@ -91,7 +91,7 @@ mod tests {
         let error = wrong.context("the camera").unwrap_err();
         assert_eq!(Exit::of(&error), Exit::Usage);
         assert_eq!(Exit::of(&anyhow::anyhow!("no")), Exit::Failure);
-        let refused: anyhow::Result<()> = Err("no".parse::<u32>().unwrap_err()).or_usage("--tasks");
+        let refused: anyhow::Result<()> = "no".parse::<u32>().context("--tasks").map(drop).or_usage();
         assert_eq!(format!("{:#}", refused.unwrap_err()), "--tasks: invalid digit found in string");
     }
 }

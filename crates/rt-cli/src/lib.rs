@@ -5,7 +5,6 @@
 mod args;
 mod balance;
 mod bench;
-mod devices;
 mod exit;
 mod experiment;
 mod figure1;
@@ -21,7 +20,7 @@ mod trace;
 mod tradeoff;
 mod verify;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use args::{Cli, Command};
 use clap::Parser;
 use exit::Exit;
@@ -48,7 +47,13 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<()> {
-    match cli.command.unwrap_or_else(|| Command::Render(Box::default())) {
+    let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
+    if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
+        // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.
+        let threads = rayon::ThreadPoolBuilder::new().build_global();
+        threads.context("cannot start a thread for each core: allow more, or set RAYON_NUM_THREADS to fewer")?;
+    }
+    match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => figure1::run(&args),

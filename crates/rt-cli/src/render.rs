@@ -3,20 +3,27 @@
 use crate::args::RenderArgs;
 use crate::exit::OrUsage;
 use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
+use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::scene_source::{Prepared, prepare};
+use crate::scene_source::{Prepared, prepare, protect};
 use crate::shade::{Light, exposure};
-use crate::{chart, devices, html, image, interrupt, output, table};
-use anyhow::{Context, Result, bail};
+use crate::{chart, html, image, interrupt, output, table};
+use anyhow::{Context, Result};
 use glam::Vec3;
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
+use rt_report::command_words;
+use rt_report::print::Stdout;
 use rt_scene::{View, streams, view};
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// What is written beside pictures.
+const FILES: [&str; 5] = ["cost.png", "timeline.svg", "trace.json", "report.json", "report.html"];
 
 /// The orbit's angle between two frames: a slow turn, so that the previous frame says much about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
@@ -24,10 +31,14 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
+    let scene = args.scene.as_deref().unwrap_or(Path::new("yard"));
+    let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
+    let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
+    protect(outputs, [scene]).check().or_usage()?;
+    let prepared = prepare(scene, &args.source)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
     let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
     let setup = begin.elapsed().as_secs_f64();
@@ -63,9 +74,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         write_picture(&args.out, frame, args, &film)?;
         seconds.write += begin.elapsed().as_secs_f64();
     }
-    if interrupt::requested() {
-        bail!("interrupted");
-    }
+    interrupt::check()?;
     let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
     write_charts(args, &waves, &runs)?;
@@ -74,7 +83,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let report = Report {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         scene: scene_report(&prepared, &scene),
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -95,9 +104,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     };
     rendered.write(&args.out.join("report.html"))?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print(&report, &runs, args, &prepared);
+        print(&report, &runs, args, &prepared)?;
     }
     Ok(())
 }
@@ -111,7 +120,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().or_usage("--eye, --target, --up, --fov")?;
+    view.camera().context("--eye, --target, --up, --fov").or_usage()?;
     Ok(view)
 }
 
@@ -188,20 +197,21 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     }
 }
 
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prepared) {
+fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prepared) -> Result<()> {
     let scene = &report.scene;
-    println!(
+    writeln!(
+        Stdout,
         "{}: {} triangles, tree of {:.1} MB by {}, {} precision",
         scene.source,
         table::grouped(scene.triangles as u64),
         scene.bvh_bytes as f64 / 1e6,
         scene.builder,
         scene.precision
-    );
+    )?;
     for reason in &prepared.plan.reasons {
-        println!("  {reason}");
+        writeln!(Stdout, "  {reason}")?;
     }
-    println!("\n{}", table::streams(runs));
+    writeln!(Stdout, "\n{}", table::streams(runs))?;
     let s = &report.seconds;
     let parts = [
         ("load", s.load),
@@ -218,6 +228,8 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prep
         .filter(|(name, s)| *name != "reference" || *s > 0.0)
         .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
         .collect();
-    println!("  wall: {}", wall.join(", "));
-    println!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
+    writeln!(Stdout, "  wall: {}", wall.join(", "))?;
+    let out = args.out.display();
+    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
+    Ok(())
 }

@@ -2,11 +2,13 @@
 
 use crate::args::SceneArgs;
 use crate::exit::usage;
+use crate::output::Outputs;
 use crate::progress;
 use anyhow::{Context, Result};
 use indicatif::ProgressBar;
 use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh, Stack};
 use rt_core::{Hit, Precision, Ray, StreamSpec};
+use rt_report::print::note;
 use rt_scene::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
 use rt_scene::scan::{Plan, Scan};
 use rt_scene::{Model, View, builtin, scenes, view};
@@ -55,7 +57,7 @@ impl Prepared {
 }
 
 /// Loads or generates the scene, scans it and builds its tree.
-pub(crate) fn prepare(scene: &str, args: &SceneArgs) -> Result<Prepared> {
+pub(crate) fn prepare(scene: &Path, args: &SceneArgs) -> Result<Prepared> {
     let start = Instant::now();
     let model = load(scene, args.drop_invalid)?;
     let mut plan = Plan::new(&Scan::new(&model));
@@ -81,16 +83,23 @@ pub(crate) fn generate(name: &str) -> Option<Model> {
     }
 }
 
+/// Adds the files of scenes to what must not be overwritten.
+pub(crate) fn protect<S: AsRef<Path>>(outputs: Outputs, scenes: impl IntoIterator<Item = S>) -> Outputs {
+    let is_built_in = |scene: &S| scene.as_ref().to_str().is_some_and(|name| scenes::find(name).is_some());
+    let files = scenes.into_iter().filter(|scene| !is_built_in(scene));
+    files.fold(outputs, |outputs, file| outputs.input("the scene", file.as_ref()))
+}
+
 /// Generates or loads a scene.
-pub(crate) fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
-    if let Some(model) = generate(scene) {
+pub(crate) fn load(path: &Path, drop_invalid: bool) -> Result<Model> {
+    if let Some(model) = path.to_str().and_then(generate) {
         return Ok(model);
     }
-    let path = Path::new(scene);
     if !path.exists() && path.extension().is_none() {
         let names: Vec<&str> = scenes::SCENES.iter().map(|entry| entry.name).collect();
         return Err(usage(format!(
-            "`{scene}` is neither a file nor a built-in scene; built-in are: {}",
+            "`{}` is neither a file nor a built-in scene; built-in are: {}",
+            path.display(),
             names.join(", ")
         )));
     }
@@ -115,13 +124,15 @@ pub(crate) fn load(scene: &str, drop_invalid: bool) -> Result<Model> {
         bar.finish_and_clear();
     }
     for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
+        note(format_args!("warning: {warning}"));
     }
     if loaded.invalid_triangles > 0 {
-        eprintln!(
-            "warning: {scene}: {} triangles with {} invalid vertices are left out",
-            loaded.invalid_triangles, loaded.invalid_vertices
-        );
+        note(format_args!(
+            "warning: {}: {} triangles with {} invalid vertices are left out",
+            path.display(),
+            loaded.invalid_triangles,
+            loaded.invalid_vertices
+        ));
     }
     Ok(loaded.model)
 }

@@ -33,7 +33,7 @@ impl StdoutError {
     /// The failure of standard output that is behind an error, if one is.
     #[must_use]
     pub fn of<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a Self> {
-        let mut causes = std::iter::successors(Some(error), |cause| cause.source());
+        let mut causes = std::iter::successors(Some(error), |&cause| cause.source());
         causes.find_map(|cause| cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref())
     }
 

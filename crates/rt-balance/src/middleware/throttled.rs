@@ -176,7 +176,7 @@ mod tests {
     fn a_launch_that_is_held_back_beyond_its_limit_has_hung() {
         let device = throttled(0.1).unwrap();
         let scene = rt_bvh::build(rt_bvh::Mesh { positions: &[], indices: &[] }, &rt_bvh::BuildOptions::default());
-        let mut tracer = device.tracer(Arc::new(scene.unwrap().scene), clock).unwrap();
+        let mut tracer = device.tracer(scene.unwrap().scene, clock).unwrap();
         let ticket = tracer.submit(&[], None).unwrap();
         let error = tracer.wait(ticket, Duration::from_millis(10), &mut Launch::default()).unwrap_err();
         assert_eq!(error.kind(), DeviceErrorKind::Hung);

@@ -1,7 +1,7 @@
 //! How work is cut, estimated and dealt.
 
 use super::CardArgs;
-use super::parse::{parse_fraction, parse_share};
+use super::parse::{parse_devices, parse_fraction, parse_share};
 use clap::{Args, ValueEnum};
 
 /// How the cost of a task is estimated.
@@ -26,7 +26,7 @@ pub(crate) struct EstimateArgs {
 #[derive(Clone, Debug, Args)]
 pub(crate) struct BalanceArgs {
     /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     #[command(flatten)]
     pub(crate) cards: CardArgs,

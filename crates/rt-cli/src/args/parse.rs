@@ -1,6 +1,13 @@
-//! Values on the command line: fractions, sizes, points, amounts of memory.
+//! Values on the command line: devices, fractions, sizes, points, amounts of memory.
 
 use glam::Vec3;
+use rt_balance::devices::{self, ListError};
+
+/// The list stays text: opening it reads it again.
+pub(super) fn parse_devices(text: &str) -> Result<String, ListError> {
+    devices::check(text.trim())?;
+    Ok(text.trim().to_owned())
+}
 
 pub(super) fn parse_fraction(text: &str) -> Result<f64, String> {
     let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));

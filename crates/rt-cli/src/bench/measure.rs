@@ -1,11 +1,11 @@
 //! Measuring one device on one scene.
 
-use super::check_interrupt;
 use super::streams::Rays;
-use crate::devices::Named;
 use crate::experiment::in_kernel;
+use crate::interrupt;
 use anyhow::{Context, Result};
 use rt_balance::clock;
+use rt_balance::devices::Opened;
 use rt_core::{
     DeviceError, Launch, Precision, ReducedWalk, Scene, Span, StreamSpec, Task, TestCounts, Tracer, Traffic, Walk,
     tasks_of,
@@ -29,7 +29,7 @@ pub(crate) const WALKS: [(&str, Walk); 3] = [
 
 /// One device and one scene.
 pub(crate) struct Bench<'a> {
-    pub(crate) named: &'a Named,
+    pub(crate) named: &'a Opened,
     pub(crate) tree: Arc<Scene>,
     pub(crate) precision: Precision,
     pub(crate) repeat: u32,
@@ -81,7 +81,7 @@ impl Bench<'_> {
             let mut samples = Samples { kind: rays.kind, rays: rays.source.len(), ..Samples::default() };
             // The first one compiles kernels and fills caches.
             for repetition in 0..=self.repeat {
-                check_interrupt()?;
+                interrupt::check()?;
                 if repetition == 1 {
                     samples = Samples { kind: samples.kind, rays: samples.rays, ..Samples::default() };
                 }

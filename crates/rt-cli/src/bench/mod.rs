@@ -5,13 +5,17 @@ mod results;
 mod streams;
 
 use crate::args::BenchArgs;
-use crate::devices::{Named, open_named};
-use crate::scene_source::prepare;
-use crate::{interrupt, output};
-use anyhow::{Result, bail};
+use crate::exit::OrUsage;
+use crate::output::{self, Outputs};
+use crate::scene_source::{prepare, protect};
+use anyhow::Result;
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
-use std::path::Path;
+use rt_balance::devices::Opened;
+use rt_report::command_words;
+use rt_report::print::Stdout;
+use rt_scene::view;
+use std::io::Write;
 use std::sync::Arc;
 use streams::BenchScene;
 
@@ -29,27 +33,34 @@ const QUICK_REPEAT: u32 = 3;
 const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
-    let devices = open_named(args.devices.as_deref(), &args.cards)?;
     let scenes = match &args.scenes[..] {
-        [] => vec!["yard".to_owned(), "car".to_owned()],
+        [] => vec!["yard".into(), "car".into()],
         named => named.to_vec(),
     };
+    if let Some(path) = &args.out {
+        let mut outputs = protect(Outputs::new().file("--out", path), &scenes);
+        for scene in &scenes {
+            outputs = outputs.input("the cameras", &view::list_beside(scene));
+        }
+        outputs.check().or_usage()?;
+    }
+    let devices = args.cards.open_in_turn(args.devices.as_deref())?;
     let repeat = if args.quick { QUICK_REPEAT } else { args.repeat };
     let mut results = Results {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         seed: args.seed,
         repeat,
         paper: PAPER,
         results: Vec::new(),
     };
     if !args.json {
-        print!("{}", results::introduction(repeat));
+        write!(Stdout, "{}", results::introduction(repeat))?;
     }
     for name in &scenes {
         let prepared = prepare(name, &args.source)?;
-        let scene = BenchScene::new(&prepared, Path::new(name))?;
+        let scene = BenchScene::new(&prepared, name)?;
         let described = SceneResult {
             source: prepared.model.source.clone(),
             triangles: prepared.model.indices.len(),
@@ -64,7 +75,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
             let bench = Bench { named, tree: Arc::clone(&scene.tree), precision: prepared.precision, repeat };
             let measured = DeviceResult::new(named, described.clone(), bench.run(&streams)?);
             if !args.json {
-                print!("\n{}", results::table(&measured));
+                write!(Stdout, "\n{}", results::table(&measured))?;
             }
             results.results.push(measured);
         }
@@ -73,12 +84,12 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         output::write_atomically(path, |file| Ok(serde_json::to_writer_pretty(file, &results)?))?;
     }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&results)?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&results)?)?;
     }
     Ok(())
 }
 
-fn rays_of(args: &BenchArgs, named: &Named) -> u32 {
+fn rays_of(args: &BenchArgs, named: &Opened) -> u32 {
     let is_card = named.card.as_ref().is_some_and(|card| !card.software);
     match args.rays {
         Some(rays) => rays,
@@ -86,12 +97,4 @@ fn rays_of(args: &BenchArgs, named: &Named) -> u32 {
         None if is_card => ON_CARDS,
         None => ON_PROCESSORS,
     }
-}
-
-/// An error after Ctrl-C.
-fn check_interrupt() -> Result<()> {
-    if interrupt::requested() {
-        bail!("interrupted");
-    }
-    Ok(())
 }

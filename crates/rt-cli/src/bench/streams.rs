@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
         let arguments = <Arguments as clap::Parser>::parse_from(["bench"]);
-        let prepared = prepare("car", &arguments.source).unwrap();
+        let prepared = prepare(Path::new("car"), &arguments.source).unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
         let streams = scene.streams(1000, 1).unwrap();
         assert_eq!(

@@ -5,7 +5,7 @@ pub(crate) use rt_report::{Machine, command_line};
 use crate::args::SceneArgs;
 use crate::interrupt;
 use crate::scene_source::{Prepared, prepare};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
@@ -26,10 +26,10 @@ pub(crate) struct Subject {
 
 impl Subject {
     /// Loads the scene and brings it to the devices.
-    pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
+    pub(crate) fn open(scene: &Path, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
         let prepared = prepare(scene, source)?;
         let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
-        let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
+        let name = short_name(scene);
         Ok(Self { name, balancer, prepared, hits: Vec::new() })
     }
 
@@ -68,6 +68,11 @@ impl Subject {
     }
 }
 
+/// A scene's name for tables: the built-in scene's, or the file's without folder and ending.
+pub(crate) fn short_name(scene: &Path) -> String {
+    scene.file_stem().unwrap_or(scene.as_os_str()).to_string_lossy().into_owned()
+}
+
 /// Traces a stream once; the hits are left in `hits`, whatever it held before.
 pub(crate) fn trace(
     balancer: &mut Balancer,
@@ -75,9 +80,7 @@ pub(crate) fn trace(
     scheduling: &mut Scheduling,
     hits: &mut Vec<Hit>,
 ) -> Result<StreamRun> {
-    if interrupt::requested() {
-        bail!("interrupted");
-    }
+    interrupt::check()?;
     hits.clear();
     hits.resize(stream.source.len() as usize, Hit::MISS);
     let control = Control { cancel: Some(interrupt::flag()), progress: None };

@@ -3,14 +3,17 @@
 mod measure;
 mod write;
 
-use crate::args::Figure1Args;
-use crate::exit::usage;
+use crate::args::{CardArgs, Figure1Args};
+use crate::exit::{OrUsage, usage};
 use crate::experiment::{Machine, Subject, command_line};
-use crate::{devices, progress};
+use crate::output::Outputs;
+use crate::progress;
+use crate::scene_source::protect;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::cpu::CpuDevice;
 use rt_core::Device;
+use rt_report::print::note;
 use serde::Serialize;
 use std::sync::Arc;
 
@@ -62,9 +65,11 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
     if !args.task_sizes.is_sorted_by(|a, b| a < b) {
         return Err(usage("--task-sizes must increase, such as 64,256,1024"));
     }
+    let estimator = args.estimate.estimator()?.name();
+    protect(Outputs::new().folder("--out", &args.out, write::FILES), &args.scenes).check().or_usage()?;
     let setting = setting(args)?;
-    if let Some(note) = &setting.note {
-        eprintln!("note: {note}");
+    if let Some(text) = &setting.note {
+        note(format_args!("note: {text}"));
     }
     let size = args.size.unwrap_or(if args.quick { QUICK_SIZE } else { SIZE });
     let repetitions = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
@@ -76,7 +81,7 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
         devices: setting.replay.unwrap_or(setting.devices.len()),
         measured_on: Vec::new(),
         note: setting.note,
-        estimator: args.estimate.estimator()?.name(),
+        estimator,
         fraction: args.estimate.fraction,
         size,
         repetitions,
@@ -94,7 +99,7 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
         results.measured_on = subject.devices();
         for stream in subject.streams(size, args.seed)? {
             if stream.source.is_empty() {
-                eprintln!("note: no {} rays in {scene}: nothing was hit", stream.kind);
+                note(format_args!("note: no {} rays in {}: nothing was hit", stream.kind, scene.display()));
                 continue;
             }
             let plan = measure::Plan {
@@ -105,7 +110,7 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
                 seed: args.seed,
             };
             let panel = plan.measure(&mut subject, &stream, &|| bar.inc(1));
-            results.panels.push(panel.with_context(|| format!("{scene}, {} rays", stream.kind))?);
+            results.panels.push(panel.with_context(|| format!("{}, {} rays", scene.display(), stream.kind))?);
         }
     }
     bar.finish_and_clear();
@@ -115,7 +120,7 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
 /// Real devices where there are enough cores for them, else a replay.
 fn setting(args: &Figure1Args) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
-        let devices = devices::open(Some(list.unwrap_or("cpu:1")))?;
+        let devices = CardArgs::default().open(Some(list.unwrap_or("cpu:1")))?;
         if devices.len() != 1 {
             return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
         }
@@ -128,7 +133,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
     let Some(list) = &args.devices else {
         if (PAPER_DEVICES as usize) <= cores {
             let list = vec!["cpu:1"; PAPER_DEVICES as usize].join(",");
-            return Ok(Setting { devices: devices::open(Some(&list))?, replay: None, note: None });
+            return Ok(Setting { devices: CardArgs::default().open(Some(&list))?, replay: None, note: None });
         }
         let note = format!(
             "{PAPER_DEVICES} devices need {PAPER_DEVICES} cores and there are {cores}: {PAPER_DEVICES} virtual devices \
@@ -136,7 +141,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
         );
         return Ok(Setting { devices: one(None)?, replay: Some(PAPER_DEVICES as usize), note: Some(note) });
     };
-    let opened = devices::open(Some(list))?;
+    let opened = CardArgs::default().open(Some(list))?;
     let threads: u32 = opened.iter().map(|d| d.info()).filter(|i| i.backend == "cpu").map(|i| i.units).sum();
     if threads as usize <= cores {
         return Ok(Setting { devices: opened, replay: None, note: None });

@@ -7,8 +7,13 @@ use crate::html::Page;
 use crate::output::write_atomically;
 use crate::table::{self, Table, grouped};
 use anyhow::Result;
+use rt_report::print::Stdout;
 use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::Path;
+
+/// Every file.
+pub(super) const FILES: [&str; 5] = ["figure1.svg", "figure1.png", "figure1.csv", "figure1.json", "report.html"];
 
 pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
     let figure = figure(results);
@@ -17,14 +22,14 @@ pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
     write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
     write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
     page(results, &figure)?.write(&out.join("report.html"))?;
-    println!("{}", figure.title);
+    writeln!(Stdout, "{}", figure.title)?;
     for note in &figure.notes {
-        println!("  {note}");
+        writeln!(Stdout, "  {note}")?;
     }
     for panel in &results.panels {
-        println!("\n{}\n{}", panel.title(), panel.table());
+        writeln!(Stdout, "\n{}\n{}", panel.title(), panel.table())?;
     }
-    println!("  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display());
+    writeln!(Stdout, "  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display())?;
     Ok(())
 }
 

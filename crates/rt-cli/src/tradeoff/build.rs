@@ -15,6 +15,7 @@ use rt_core::Hit;
 use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
+use std::path::Path;
 use std::time::Instant;
 
 /// One builder on one scene.
@@ -64,13 +65,13 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     }
     let table = table(&rows);
     page.table("Builders: medians, intervals in brackets", &table);
-    setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"));
     setting.write("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
-    setting.write_json("build.json", &rows)
+    setting.write_json("build.json", &rows)?;
+    Ok(setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
 }
 
-fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch) -> Result<Vec<Row>> {
     let mut subject = Subject::open(scene, &setting.args.source, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
@@ -84,7 +85,8 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
             let options = BuildOptions { builder, invalid: setting.args.source.invalid(), ..BuildOptions::default() };
-            let built = rt_bvh::build(mesh, &options).with_context(|| format!("building {scene} by {builder}"))?;
+            let built =
+                rt_bvh::build(mesh, &options).with_context(|| format!("building {} by {builder}", scene.display()))?;
             let build_s = begin.elapsed().as_secs_f64();
             if round == 0 {
                 rows.push(Row {

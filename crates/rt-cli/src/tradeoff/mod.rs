@@ -8,16 +8,19 @@ mod setting;
 mod streams;
 mod stretch;
 
-use crate::args::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
-use crate::exit::usage;
-use crate::experiment::{Machine, Subject, command_line};
+use crate::args::{CardArgs, PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::exit::{OrUsage, usage};
+use crate::experiment::{Machine, Subject, command_line, short_name};
 use crate::html::Page;
-use crate::devices;
+use crate::output::Outputs;
+use crate::scene_source::protect;
 use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;
+use rt_report::print::Stdout;
 use setting::{Head, Setting, file_part};
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stretch::Stretch;
@@ -30,16 +33,42 @@ struct Trade {
     /// How many times about as many rays as a picture has pixels are traced in a round on a scene.
     passes: fn(&TradeArgs) -> f64,
     run: fn(&Setting<'_>, &mut Page) -> Result<()>,
+    /// The kinds of its files that are one for all scenes, and of those that are one for each.
+    files: (&'static [&'static str], &'static [&'static str]),
+}
+
+impl Trade {
+    /// Names of all files that it writes about some scenes.
+    fn files(&self, scenes: &[PathBuf]) -> Vec<String> {
+        let (once, each) = self.files;
+        let of_scene = |scene: &PathBuf| {
+            let scene = file_part(&short_name(scene));
+            each.iter().map(move |kind| format!("{}-{scene}.{kind}", self.name)).collect::<Vec<_>>()
+        };
+        once.iter().map(|kind| format!("{}.{kind}", self.name)).chain(scenes.iter().flat_map(of_scene)).collect()
+    }
 }
 
 /// Every trade there is, in the order in which `raybalance tradeoff` runs them.
 const TRADES: [Trade; 4] = [
     // Hundreds of settings against a few.
-    Trade { name: "sampling", weight: 4.0, passes: sampling::passes, run: sampling::run },
-    Trade { name: "precision", weight: 1.0, passes: precision::passes, run: precision_of_all },
-    Trade { name: "build", weight: 1.0, passes: build::passes, run: build::run },
-    Trade { name: LAYOUT, weight: 1.0, passes: layout::passes, run: layout::run },
+    Trade { name: "sampling", weight: 4.0, passes: sampling::passes, run: sampling::run, files: FILES },
+    Trade {
+        name: "precision",
+        weight: 1.0,
+        passes: precision::passes,
+        run: precision_of_all,
+        files: (&["json", "csv", "md", "svg"], &[]),
+    },
+    Trade { name: "build", weight: 1.0, passes: build::passes, run: build::run, files: FILES },
+    Trade { name: LAYOUT, weight: 1.0, passes: layout::passes, run: layout::run, files: FILES },
 ];
+
+/// What most trades write.
+const FILES: (&[&str], &[&str]) = (&["md", "csv", "json"], &["svg"]);
+
+/// The page of all trades.
+const PAGE: &str = "report.html";
 
 /// The trade that needs devices with a choice of layouts.
 const LAYOUT: &str = "layout";
@@ -68,6 +97,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
         Some(TradeArg::Layout(common)) => (common, Some(LAYOUT)),
     };
     let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
+    check_outputs(&common.out, &trades, &common.scenes)?;
     let (cards, mut left_out) = match chosen {
         None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
         _ => (Vec::new(), Vec::new()),
@@ -80,7 +110,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
         trades.retain(|trade| trade.name != LAYOUT);
         left_out.iter_mut().for_each(|reason| *reason = format!("The trade layout is left out: {reason}."));
     }
-    left_out.iter().for_each(|reason| println!("{reason}"));
+    left_out.iter().try_for_each(|reason| writeln!(Stdout, "{reason}"))?;
     let devices = if chosen == Some(LAYOUT) { layout::one_each(&cards) } else { vec![one_device(common)?] };
 
     let seeds =
@@ -103,10 +133,16 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
     finish(&page, &common.out, begin)
 }
 
+/// Whether the files of all trades can be written.
+fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
+    let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
+    protect(Outputs::new().folder("--out", out, files), scenes).check().or_usage()
+}
+
 /// The device that is named, or the usual one.
 fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
     let list = args.devices.as_deref().unwrap_or(DEVICE);
-    let mut devices = devices::open(Some(list))?;
+    let mut devices = CardArgs::default().open(Some(list))?;
     match (devices.pop(), devices.is_empty()) {
         (Some(device), true) => Ok(device),
         _ => Err(usage(format!(
@@ -174,15 +210,18 @@ fn size_within(time: Duration, seconds_per_pixel: f64, most: [u32; 2]) -> [u32; 
 }
 
 fn finish(page: &Page, out: &Path, begin: Instant) -> Result<()> {
-    page.write(&out.join("report.html"))?;
+    page.write(&out.join(PAGE))?;
     let all = crate::table::seconds(begin.elapsed().as_secs_f64());
-    println!("\n  measured in {all}, written to {}: tables, charts, raw numbers and report.html", out.display());
+    let out = out.display();
+    writeln!(Stdout, "\n  measured in {all}, written to {out}: tables, charts, raw numbers and report.html")?;
     Ok(())
 }
 
 /// The precision trade by itself, which has options of its own.
 fn precision_alone(own: &PrecisionTradeoffArgs) -> Result<()> {
     let begin = Instant::now();
+    let trades: Vec<&Trade> = TRADES.iter().filter(|trade| trade.name == "precision").collect();
+    check_outputs(&own.out, &trades, &own.scenes)?;
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
     let stretch = Stretch::whole(None);

@@ -2,7 +2,9 @@
 
 use crate::progress;
 use indicatif::ProgressBar;
+use rt_report::print::Stdout;
 use std::cell::Cell;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 /// How finely the bar is divided; it is 40 characters wide.
@@ -91,8 +93,8 @@ impl Stretch {
     }
 
     /// Prints without breaking the bar.
-    pub(super) fn print(&self, text: &str) {
-        self.bar.suspend(|| println!("{text}"));
+    pub(super) fn print(&self, text: &str) -> io::Result<()> {
+        self.bar.suspend(|| writeln!(Stdout, "{text}"))
     }
 }
 

@@ -125,7 +125,9 @@ impl Wanted {
         let [a, b] = [self, other].map(|wanted| wanted.path.display());
         match self.option == other.option {
             true => format!("{}: `{a}` and `{b}` are the same file", self.option),
-            false if self.path == other.path => format!("{} and {} name the same file, `{a}`", self.option, other.option),
+            false if self.path == other.path => {
+                format!("{} and {} name the same file, `{a}`", self.option, other.option)
+            }
             false => format!("{} and {} name the same file, `{a}` and `{b}`", self.option, other.option),
         }
     }
@@ -279,7 +281,8 @@ mod tests {
             }
         }
         assert_eq!(entries(dir.path()), before);
-        let both = Outputs::new().file("--hits", &at("new")).file("--counts", &at("newer")).input("the rays", &at("there"));
+        let both =
+            Outputs::new().file("--hits", &at("new")).file("--counts", &at("newer")).input("the rays", &at("there"));
         both.check().unwrap();
         assert_eq!(entries(dir.path()), before);
         // A device forgets what it is given.

@@ -33,11 +33,7 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Resul
     written.with_context(|| format!("cannot write `{}`", path.display()))
 }
 
-fn replace(
-    path: &Path,
-    before: Option<&Metadata>,
-    write: impl FnOnce(&mut dyn Write) -> Result<()>,
-) -> Result<()> {
+fn replace(path: &Path, before: Option<&Metadata>, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let partial = Partial::create(path)?;
     write_to(partial.file(), write)?;
     Ok(partial.persist(path, before)?)

@@ -61,7 +61,7 @@ impl Partial {
             // What any program gives a new file, less the user's umask; without this only the owner could read it.
             builder.permissions(fs::Permissions::from_mode(0o666));
         }
-        let mut attempt = || -> io::Result<Option<NamedTempFile>> {
+        let attempt = || -> io::Result<Option<NamedTempFile>> {
             fs::create_dir_all(folder)?;
             let file = builder.tempfile_in(folder)?;
             // A file system without locks has none to look for either, so nobody takes the file for a leftover.
@@ -85,7 +85,7 @@ impl Partial {
         Err(io::Error::from(io::ErrorKind::ResourceBusy)).with_context(failed)
     }
 
-    pub(super) const fn file(&self) -> &File {
+    pub(super) fn file(&self) -> &File {
         self.file.as_file()
     }
 
@@ -169,7 +169,9 @@ mod tests {
     fn only_our_own_names_are_leftovers() {
         assert_eq!(target_of(b".hits.npy.aB3xYz.partial"), Some(&b"hits.npy"[..]));
         assert_eq!(target_of(b".\xff.aB3xYz.partial"), Some(&b"\xff"[..]));
-        for other in ["hits.npy", ".hits.npy.partial", ".hits.npy.aB3xY.partial", ".hits.npy-aB3xYz.partial", ".partial"] {
+        for other in
+            ["hits.npy", ".hits.npy.partial", ".hits.npy.aB3xY.partial", ".hits.npy-aB3xYz.partial", ".partial"]
+        {
             assert_eq!(target_of(other.as_bytes()), None, "{other}");
         }
     }

@@ -42,7 +42,9 @@ impl Place {
             let real = folder.join(name);
             let about = match fs::symlink_metadata(&real) {
                 Ok(about) => about,
-                Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::File { path: real, about: None }),
+                Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                    return Ok(Self::File { path: real, about: None });
+                }
                 Err(error) => return Err(error.into()),
             };
             if about.is_symlink() {

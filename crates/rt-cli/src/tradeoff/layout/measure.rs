@@ -1,13 +1,13 @@
 //! Both layouts of a scene, made and traced in turn.
 
 use super::{Card, LAYOUTS};
-use crate::experiment::in_kernel;
+use crate::experiment::{in_kernel, short_name};
 use crate::interrupt;
 use crate::scene_source::{Prepared, prepare};
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use crate::tradeoff::stretch::Stretch;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_balance::stats::Summary;
 use rt_bvh::{BuildOptions, Mesh, Stack, WideTree};
@@ -72,7 +72,7 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> Result<SceneRows> {
+pub(super) fn measure(setting: &Setting<'_>, name: &Path, stretch: &Stretch) -> Result<SceneRows> {
     let prepared = prepare(name, &setting.args.source)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
@@ -83,7 +83,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> R
     let mut tracers = setting.cards.iter().map(|card| open(card, &scene)).collect::<Result<Vec<_>>>()?;
 
     let mut measured = SceneRows {
-        scene: Path::new(name).file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into()),
+        scene: short_name(name),
         triangles: scene.triangles().len(),
         build_s: Vec::new(),
         convert_s: Vec::new(),
@@ -147,9 +147,7 @@ fn trace(pair: &mut [Row], tracers: &mut Tracers, kind: &Kind, round: u32, preci
     let spec = StreamSpec { query: kind.query, precision, counts: false };
     let mut hits = [(); 2].map(|()| Vec::new());
     for turn in 0..LAYOUTS.len() {
-        if interrupt::requested() {
-            bail!("interrupted");
-        }
+        interrupt::check()?;
         let layout = (turn + round as usize) % LAYOUTS.len();
         let launch = launch(tracers[layout].as_mut(), &kind.source, spec)?;
         if round > 0 {

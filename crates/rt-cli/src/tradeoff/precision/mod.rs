@@ -6,14 +6,15 @@ use super::streams::{Kind, STREAMS, launch, reference, streams};
 use super::stretch::Stretch;
 use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
 use crate::chart::precision::{self as chart, Front, Point};
-use crate::devices::{Named, open_named};
 use crate::html::Page;
 use crate::scene_source::{Prepared, prepare};
 use crate::table::percent;
 use crate::{interrupt, output};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
+use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
+use rt_report::command_words;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
@@ -79,8 +80,8 @@ pub(super) fn passes(_: &TradeArgs) -> f64 {
 /// Measures and adds a section to the page.
 pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Page) -> Result<()> {
     stretch.label("precision");
-    let names = if args.scenes.is_empty() { vec!["yard".to_owned(), "car".to_owned()] } else { args.scenes.clone() };
-    let devices = open_named(Some(&args.backend), &CardArgs::default())?;
+    let names = if args.scenes.is_empty() { vec!["yard".into(), "car".into()] } else { args.scenes.clone() };
+    let devices = CardArgs::default().open_in_turn(Some(&args.backend))?;
     let (size, runs, sample) = args.effort();
     let mut rows = Vec::new();
     for (index, name) in names.iter().enumerate() {
@@ -93,7 +94,7 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Pa
     let report = Report {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         seed: args.seed,
         runs,
         size,
@@ -117,14 +118,13 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Pa
     notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
-        stretch.print(&format!("\n{title}\n\n{table}"));
+        stretch.print(&format!("\n{title}\n\n{table}"))?;
     }
-    notes.iter().for_each(|note| stretch.print(&format!("  {note}")));
-    Ok(())
+    Ok(notes.iter().try_for_each(|note| stretch.print(&format!("  {note}")))?)
 }
 
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
-fn notes(rows: &[Row], devices: &[Named]) -> Vec<String> {
+fn notes(rows: &[Row], devices: &[Opened]) -> Vec<String> {
     let least = rows.iter().map(|row| row.mray_s).min_by_key(|mray_s| mray_s.count);
     let runs = least.map(|Summary { count, confidence, .. }| {
         format!(
@@ -151,7 +151,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn measure(&self, devices: &[Named], rows: &mut Vec<Row>) -> Result<()> {
+    fn measure(&self, devices: &[Opened], rows: &mut Vec<Row>) -> Result<()> {
         let model = &self.prepared.model;
         let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
         let scene = Arc::clone(&self.prepared.built.scene);
@@ -206,9 +206,7 @@ impl Bench {
         for round in stretch.rounds(self.runs) {
             let round = round as usize;
             for turn in 0..PRECISIONS.len() {
-                if interrupt::requested() {
-                    bail!("interrupted");
-                }
+                interrupt::check()?;
                 // Rotated, and every other round backwards: each precision follows each other one equally often.
                 let place = if round.is_multiple_of(2) { turn } else { PRECISIONS.len() - 1 - turn };
                 let which = (round / 2 + place) % PRECISIONS.len();
@@ -226,7 +224,7 @@ impl Bench {
 
     fn row(
         &self,
-        named: &Named,
+        named: &Opened,
         kind: &Kind,
         precision: Precision,
         (timed, accuracy, exact): (&Timed, Accuracy, Sampled),

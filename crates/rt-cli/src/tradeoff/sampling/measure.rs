@@ -15,6 +15,7 @@ use rt_sched::metrics;
 use rt_sched::policy::{Block, RoundRobin};
 use rt_sched::sample::Fraction;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
@@ -118,7 +119,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &str, stretch: &Stretch) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch) -> Result<(Vec<Cell>, Vec<&'static str>)> {
         let mut subject = Subject::open(scene, &self.setting.args.source, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
