@@ -3,7 +3,7 @@
 //! Nothing here is timed but for a limit that only a command deaf to signals reaches: when the signal arrives the command may be
 //! anywhere, which is the point.
 
-use crate::folder::Folder;
+use crate::folder::{self, Folder};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fmt::Write as _;
 use std::fs;

@@ -1,6 +1,6 @@
 //! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before any work.
 
-use crate::folder::Folder;
+use crate::folder::{self, Folder};
 
 /// Wrong for every machine: the words, and what the message must contain.
 const WRONG: &[(&str, &str)] = &[
