@@ -3,7 +3,6 @@
 use crate::args::RenderArgs;
 use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
 use crate::{chart, html, image, interrupt, output, table};
 use anyhow::{Context, Result, bail};
@@ -12,6 +11,7 @@ use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
+use rt_scene::prepare::Prepared;
 use rt_scene::{View, streams, view};
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     interrupt::watch();
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
+    let prepared = args.source.prepare(args.scene.as_deref().unwrap_or("yard"))?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;

@@ -2,7 +2,6 @@
 
 use crate::args::TraceArgs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::scene_source::prepare;
 use crate::{interrupt, npy, progress, render, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
@@ -15,7 +14,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
     let rays = npy::read_rays(&args.rays)?;
-    let prepared = prepare(&args.scene, &args.source)?;
+    let prepared = args.source.prepare(&args.scene)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;

@@ -5,7 +5,6 @@ mod results;
 mod streams;
 
 use crate::args::BenchArgs;
-use crate::scene_source::prepare;
 use crate::{interrupt, output};
 use anyhow::{Result, bail};
 use measure::Bench;
@@ -49,7 +48,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         print!("{}", results::introduction(repeat));
     }
     for name in &scenes {
-        let prepared = prepare(name, &args.source)?;
+        let prepared = args.source.prepare(name)?;
         let scene = BenchScene::new(&prepared, Path::new(name))?;
         let described = SceneResult {
             source: prepared.model.source.clone(),
