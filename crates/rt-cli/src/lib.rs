@@ -14,7 +14,7 @@ mod list;
 pub mod npy;
 mod progress;
 mod render;
-mod scene_source;
+mod scene;
 mod shade;
 mod trace;
 mod tradeoff;

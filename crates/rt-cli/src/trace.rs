@@ -4,7 +4,7 @@ use crate::args::TraceArgs;
 use crate::exit::OrUsage;
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::scene_source::{prepare, protect};
+use crate::scene::protect;
 use crate::{interrupt, npy, progress, render, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
@@ -24,7 +24,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     }
     outputs.check().or_usage()?;
     let rays = npy::read_rays(&args.rays)?;
-    let prepared = prepare(&args.scene, &args.source)?;
+    let prepared = args.source.prepare(&args.scene)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;

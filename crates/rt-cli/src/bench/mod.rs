@@ -7,7 +7,7 @@ mod streams;
 use crate::args::BenchArgs;
 use crate::exit::OrUsage;
 use crate::output::{self, Outputs};
-use crate::scene_source::{prepare, protect};
+use crate::scene::protect;
 use anyhow::Result;
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
@@ -59,7 +59,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         write!(Stdout, "{}", results::introduction(repeat))?;
     }
     for name in &scenes {
-        let prepared = prepare(name, &args.source)?;
+        let prepared = args.source.prepare(name)?;
         let scene = BenchScene::new(&prepared, name)?;
         let described = SceneResult {
             source: prepared.model.source.clone(),

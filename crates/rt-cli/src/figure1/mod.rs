@@ -8,7 +8,7 @@ use crate::exit::{OrUsage, usage};
 use crate::experiment::{Machine, Subject, command_line};
 use crate::output::Outputs;
 use crate::progress;
-use crate::scene_source::protect;
+use crate::scene::protect;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::cpu::CpuDevice;

@@ -10,14 +10,15 @@ mod stretch;
 
 use crate::args::{CardArgs, PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
 use crate::exit::{OrUsage, usage};
-use crate::experiment::{Machine, Subject, command_line, short_name};
+use crate::experiment::{Machine, Subject, command_line};
 use crate::html::Page;
 use crate::output::Outputs;
-use crate::scene_source::protect;
+use crate::scene::protect;
 use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;
 use rt_report::print::Stdout;
+use rt_scene::prepare::short_name;
 use setting::{Head, Setting, file_part};
 use std::io::Write;
 use std::path::{Path, PathBuf};

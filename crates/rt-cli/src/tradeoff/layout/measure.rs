@@ -1,17 +1,17 @@
 //! Both layouts of a scene, made and traced in turn.
 
 use super::{Card, LAYOUTS};
-use crate::experiment::{in_kernel, short_name};
+use crate::experiment::in_kernel;
 use crate::interrupt;
-use crate::scene_source::{Prepared, prepare};
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use crate::tradeoff::stretch::Stretch;
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_balance::stats::Summary;
-use rt_bvh::{BuildOptions, Mesh, Stack, WideTree};
+use rt_bvh::{Mesh, Stack, WideTree};
 use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
+use rt_scene::prepare::Prepared;
 use rt_verify::clock;
 use serde::Serialize;
 use std::path::Path;
@@ -72,8 +72,8 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, name: &Path, stretch: &Stretch) -> Result<SceneRows> {
-    let prepared = prepare(name, &setting.args.source)?;
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch) -> Result<SceneRows> {
+    let prepared = setting.args.source.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -83,7 +83,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &Path, stretch: &Stretch) -> 
     let mut tracers = setting.cards.iter().map(|card| open(card, &scene)).collect::<Result<Vec<_>>>()?;
 
     let mut measured = SceneRows {
-        scene: short_name(name),
+        scene: prepared.name.clone(),
         triangles: scene.triangles().len(),
         build_s: Vec::new(),
         convert_s: Vec::new(),
@@ -102,7 +102,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &Path, stretch: &Stretch) -> 
     }
     let stretch = stretch.clone().with_steps(measured.rows.len(), setting.repeat + 1);
     for round in stretch.rounds(setting.repeat) {
-        let made = make(&prepared, setting)?;
+        let made = make(&prepared)?;
         if round > 0 {
             measured.build_s.push(made[0]);
             measured.convert_s.push(made[1]);
@@ -131,12 +131,10 @@ fn open(card: &Card, scene: &Arc<rt_core::Scene>) -> Result<Tracers> {
 }
 
 /// Wall seconds of building the two-wide tree, and of making the eight-wide one of it.
-fn make(prepared: &Prepared, setting: &Setting<'_>) -> Result<[f64; 2]> {
-    let source = &setting.args.source;
+fn make(prepared: &Prepared) -> Result<[f64; 2]> {
     let mesh = Mesh { positions: &prepared.model.positions, indices: &prepared.model.indices };
-    let options = BuildOptions { builder: source.builder, invalid: source.invalid(), ..BuildOptions::default() };
     let begin = Instant::now();
-    let built = rt_bvh::build(mesh, &options)?;
+    let built = rt_bvh::build(mesh, &prepared.options.build())?;
     let middle = Instant::now();
     std::hint::black_box(WideTree::new(&built.scene));
     Ok([middle - begin, middle.elapsed()].map(|time| time.as_secs_f64()))

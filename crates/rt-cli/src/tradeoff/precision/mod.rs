@@ -7,7 +7,6 @@ use super::stretch::Stretch;
 use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
 use crate::chart::precision::{self as chart, Front, Point};
 use crate::html::Page;
-use crate::scene_source::{Prepared, prepare};
 use crate::table::percent;
 use crate::{interrupt, output};
 use anyhow::{Context, Result};
@@ -15,6 +14,7 @@ use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
 use rt_report::command_words;
+use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
@@ -87,7 +87,7 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Pa
     for (index, name) in names.iter().enumerate() {
         let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
         let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { prepared: prepare(name, &source)?, size, runs, sample, seed: args.seed, stretch };
+        let bench = Bench { prepared: source.prepare(name)?, size, runs, sample, seed: args.seed, stretch };
         bench.measure(&devices, &mut rows)?;
     }
 
