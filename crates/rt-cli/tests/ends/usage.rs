@@ -74,7 +74,7 @@ const WRONG: &[(&str, &str)] = &[
     ("verify --backend cpu:0", "cpu:0"),
     ("verify --case nonsense", "nonsense"),
     ("verify --quick --full", "--full"),
-    ("verify nothing --case layout", "yard, car"),
+    ("verify nothing --case ties", "yard, car"),
     ("bench scene.obj --devices cpu:0", "cpu:0"),
     ("bench scene.obj --quick --repeat 3", "--repeat"),
     ("bench scene.obj --out .", "--out"),
