@@ -4,12 +4,16 @@ use crate::args::SceneArgs;
 use crate::progress;
 use anyhow::{Context, Result, bail};
 use indicatif::ProgressBar;
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_bvh::{BuildOptions, Built, InvalidTriangles, Mesh, Stack};
-use rt_core::{Hit, Precision, Ray, StreamSpec};
+use rt_core::bounce::Surfaces;
+use rt_core::{Hit, Precision, Query, Ray, RaySource, Scene, StreamSpec};
 use rt_scene::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
 use rt_scene::scan::{Plan, Scan};
+use rt_scene::streams::{Paths, Sun};
 use rt_scene::{Model, View, builtin, scenes, view};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A bar appears when loading takes longer than this.
@@ -51,6 +55,28 @@ impl Prepared {
         };
         self.model.view.unwrap_or_else(automatic)
     }
+
+    /// One path for each pixel of a picture of `view`, for measurements: the rays that rendering it sends.
+    pub(crate) fn paths(&self, view: &View, size: [u32; 2], seed: u32) -> Result<Paths> {
+        let camera = view.camera().with_context(|| format!("the camera of {}", self.model.source))?;
+        let surfaces = Arc::new(Surfaces::new(Arc::clone(&self.built.scene)));
+        Ok(Paths { camera, size, samples: 1, seed, sun: Sun::beside(view), surfaces })
+    }
+}
+
+/// The hits of a stream in double precision, on all cores.
+pub(crate) fn reference(scene: &Scene, source: &RaySource, query: Query) -> Vec<Hit> {
+    /// Rays that one core traces at a time.
+    const CHUNK: u32 = 1 << 12;
+    let spec = StreamSpec { query, precision: Precision::Double, counts: false };
+    let chunk = |chunk: u32| {
+        let range = chunk * CHUNK..source.len().min((chunk + 1).saturating_mul(CHUNK));
+        let mut hits = Vec::with_capacity(range.len());
+        let rays = range.map(|i| source.ray(i));
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, _| hits.push(hit));
+        hits
+    };
+    (0..source.len().div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
 }
 
 /// Loads or generates the scene, scans it and builds its tree.

@@ -2,13 +2,13 @@
 
 mod write;
 
-use super::streams::{Kind, STREAMS, launch, reference, streams};
+use super::streams::{Kind, STREAMS, launch, streams};
 use super::stretch::Stretch;
 use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
 use crate::chart::precision::{self as chart, Front, Point};
 use crate::devices::{Named, open_named};
 use crate::html::Page;
-use crate::scene_source::{Prepared, prepare};
+use crate::scene_source::{Prepared, prepare, reference};
 use crate::table::percent;
 use crate::{interrupt, output};
 use anyhow::{Context, Result, bail};
