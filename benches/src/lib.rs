@@ -4,10 +4,9 @@
 pub mod options;
 pub mod peers;
 
-use rt_bvh::Stack;
 use rt_core::bounce::Surfaces;
-use rt_core::{Hit, Query, RaySource, Scene, StreamSpec};
-use rt_scene::streams::{Paths, Sun, Wave};
+use rt_core::{Precision, Query, RaySource, Scene};
+use rt_scene::streams::{self, Paths, Sun, Wave};
 use rt_scene::{Model, View, builtin, obj, view};
 use std::error::Error;
 use std::path::Path;
@@ -62,9 +61,7 @@ impl BenchScene {
     pub fn streams(&self, scene: &Arc<Scene>, size: [u32; 2]) -> Result<Vec<NamedStream>, Box<dyn Error>> {
         let paths = self.paths(scene, size, 1, 1)?;
         let primary = paths.primary(&Wave::whole(size)?);
-        let mut hits: Vec<Hit> = Vec::with_capacity(primary.source.len() as usize);
-        let rays = (0..primary.source.len()).map(|i| primary.source.ray(i));
-        rt_bvh::trace(scene, &mut Stack::for_scene(scene), StreamSpec::default(), rays, |hit, _| hits.push(hit));
+        let hits = streams::trace(scene, &primary.source, primary.spec(Precision::Robust));
         let [shadow, diffuse] = paths.follow(&primary, &hits);
         let streams = [("primary", primary), ("shadow", shadow), ("diffuse", diffuse)];
         let streams = streams.into_iter().map(|(name, stream)| (name, stream.source, stream.query));

@@ -1,12 +1,12 @@
 //! The rays that are measured: from the camera, to the sun, bounced, and anywhere.
 
-use crate::scene_source::{Prepared, reference};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use glam::Vec3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_core::bounce::Departure;
-use rt_core::{BounceRays, Hit, Query, Ray, RaySource, Scene, random};
-use rt_scene::streams::{Paths, Wave};
+use rt_core::{BounceRays, Hit, Query, Ray, RaySource, Scene, StreamSpec, random};
+use rt_scene::prepare::Prepared;
+use rt_scene::streams::{self, Paths, Wave};
 use rt_scene::{View, view};
 use std::f32::consts::TAU;
 use std::path::Path;
@@ -44,11 +44,12 @@ impl<'a> BenchScene<'a> {
     pub(crate) fn streams(&self, rays: u32, seed: u32) -> Result<Vec<Rays>> {
         let side = f64::from(rays).sqrt().ceil() as u32;
         let size = [side, side];
-        let paths = self.prepared.paths(&self.view, size, seed)?;
+        let paths = self.prepared.paths(&self.view, size, seed);
+        let paths = paths.with_context(|| format!("the camera of {}", self.prepared.model.source))?;
         let wave = Wave::whole(size)?;
         let primary = paths.primary(&wave).source;
         let count = primary.len();
-        let hits = reference(&self.tree, &primary, Query::Closest);
+        let hits = streams::trace(&self.tree, &primary, StreamSpec::default());
         let [shadow, diffuse] = filled(&paths, &wave, &hits, count);
         let random = RaySource::Explicit { rays: self.random(count, seed), origins: None };
         let all = [
@@ -103,7 +104,6 @@ fn filled(paths: &Paths, wave: &Wave, hits: &[Hit], count: u32) -> [RaySource; 2
 mod tests {
     use super::*;
     use crate::args::SceneArgs;
-    use crate::scene_source::prepare;
 
     #[derive(clap::Parser)]
     struct Arguments {
@@ -115,16 +115,13 @@ mod tests {
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
         let arguments = <Arguments as clap::Parser>::parse_from(["bench"]);
-        let prepared = prepare("car", &arguments.source).unwrap();
+        let prepared = arguments.source.prepare("car").unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
-        let streams = scene.streams(1000, 1).unwrap();
-        assert_eq!(
-            streams.iter().map(|rays| rays.kind).collect::<Vec<_>>(),
-            ["primary", "shadow", "diffuse", "random"]
-        );
+        let rays = scene.streams(1000, 1).unwrap();
+        assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);
         // 32 × 32 pixels.
-        assert!(streams.iter().all(|rays| rays.source.len() == 1024));
-        let hits = reference(&scene.tree, &streams[3].source, Query::Closest);
+        assert!(rays.iter().all(|rays| rays.source.len() == 1024));
+        let hits = streams::trace(&scene.tree, &rays[3].source, StreamSpec::default());
         assert!(hits.len() == 1024 && hits.iter().any(rt_core::Hit::is_hit));
     }
 }

@@ -1,10 +1,10 @@
 //! The rays that are measured: what a renderer traces, and two kinds that it does not.
 
-use crate::scene_source::{Prepared, reference};
-use anyhow::Result;
+use anyhow::{Context, Result};
 use rt_balance::DEFAULT_TASK_SIZE;
-use rt_core::{Launch, Query, Ray, RaySource, StreamSpec, Tracer, Triangle, tasks_of};
-use rt_scene::streams::Wave;
+use rt_core::{Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, tasks_of};
+use rt_scene::prepare::Prepared;
+use rt_scene::streams::{self, Wave};
 use rt_verify::rays::{Aim, RayMaker};
 use std::time::Duration;
 
@@ -29,7 +29,8 @@ pub(super) const STREAMS: usize = 5;
 /// Camera rays of one picture; shadow and diffuse rays from where they hit; as many random segments, and rays aimed at
 /// edges, where single precision leaks.
 pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2], seed: u32) -> Result<Vec<Kind>> {
-    let paths = prepared.paths(&prepared.view(), size, seed)?;
+    let paths = prepared.paths(&prepared.view(), size, seed);
+    let paths = paths.with_context(|| format!("a camera for {}", prepared.model.source))?;
     let primary = paths.primary(&Wave::whole(size)?);
     let [shadow, diffuse] = paths.follow(&primary, &reference(&prepared.built.scene, &primary.source, primary.query));
     let all = 0..primary.source.len();
@@ -48,6 +49,11 @@ pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2
     let mut kinds: Vec<Kind> = kinds.into_iter().map(|(name, source, query)| Kind { name, source, query }).collect();
     kinds.retain(|kind| !kind.source.is_empty());
     Ok(kinds)
+}
+
+/// The hits of a stream in double precision.
+pub(super) fn reference(scene: &Scene, source: &RaySource, query: Query) -> Vec<Hit> {
+    streams::trace(scene, source, StreamSpec { query, precision: Precision::Double, counts: false })
 }
 
 /// Traces a whole stream in one launch, in tasks as the balancer cuts them by default.

@@ -13,5 +13,23 @@ pub use spawn::Spawner;
 pub use sun::Sun;
 pub use wave::{ImageSizeError, Wave, Waves};
 
+use rayon::prelude::*;
+use rt_bvh::Stack;
+use rt_core::{Hit, RaySource, Scene, StreamSpec};
+
+/// The hits of a stream, found on all of the host's cores: for those who need hits to go on from, not devices to measure.
+#[must_use]
+pub fn trace(scene: &Scene, source: &RaySource, spec: StreamSpec) -> Vec<Hit> {
+    /// Rays that one core traces at a time.
+    const CHUNK: u32 = 1 << 12;
+    let chunk = |chunk: u32| {
+        let rays = (chunk * CHUNK..source.len().min((chunk + 1).saturating_mul(CHUNK))).map(|i| source.ray(i));
+        let mut hits = Vec::with_capacity(CHUNK as usize);
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, _| hits.push(hit));
+        hits
+    };
+    (0..source.len().div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
+}
+
 /// Largest width and height of an image in pixels: a pixel's position is packed into two times 16 bits.
 pub const MAX_SIDE: u32 = 1 << 16;
