@@ -239,11 +239,11 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt, symlink};
 
     fn refusal(outputs: &Outputs) -> String {
-        format!("{:#}", outputs.check().unwrap_err())
+        format!("{:#}", outputs.check().expect_err("must be refused"))
     }
 
     fn entries(folder: &Path) -> usize {
-        fs::read_dir(folder).unwrap().count()
+        fs::read_dir(folder).expect("a folder").count()
     }
 
     // Mutants: paths compared as they are written; the real folder of what does not exist yet left out; only files that
