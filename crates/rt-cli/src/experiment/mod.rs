@@ -9,7 +9,7 @@ use crate::interrupt;
 use crate::scene_source::{Prepared, prepare};
 use anyhow::{Context, Result, bail};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, Control, Scheduling, Stream};
+use rt_balance::{Balancer, Control, Limits, Reference, Scheduling, Stream};
 use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
 use rt_scene::Model;
 use rt_scene::streams::Spawner;
@@ -52,6 +52,12 @@ impl Subject {
     /// Traces a stream once.
     pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
         trace(&mut self.balancer, stream, scheduling, &mut self.hits)
+    }
+
+    /// Every task's own time and tests, in a pass of its own.
+    pub(crate) fn reference(&mut self, stream: &Stream) -> Result<Reference> {
+        let control = Control { cancel: Some(interrupt::flag()), progress: None };
+        Ok(self.balancer.reference(stream, 1, &Limits::default(), control)?)
     }
 
     /// The scene with its tree.
