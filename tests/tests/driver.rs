@@ -184,7 +184,10 @@ fn when_all_devices_fail_finished_tasks_stay_and_others_are_untouched() {
     let Fixture { scene, stream, hits, .. } = fixture();
     for queue in QUEUES {
         for n in [0, 2] {
-            let faulty = || Arc::new(Faulty::new(honest(), Fault::new(FaultyCall::Wait, n, Failure::Error(DeviceErrorKind::Lost)))) as Arc<dyn Device>;
+            let faulty = || {
+                Arc::new(Faulty::new(honest(), Fault::new(FaultyCall::Wait, n, Failure::Error(DeviceErrorKind::Lost))))
+                    as Arc<dyn Device>
+            };
             let mut balancer = Balancer::new(Arc::clone(scene), &[faulty(), faulty()]).expect("a balancer");
             let mut found = vec![UNTOUCHED; hits.len()];
             let mut scheduling = scheduling(queue, Box::new(Uniform));

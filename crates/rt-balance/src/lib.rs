@@ -33,6 +33,8 @@ mod answers;
 mod balancer;
 mod clock;
 mod contain;
+#[cfg(feature = "cpu")]
+pub mod devices;
 mod error;
 mod estimate;
 mod limits;

@@ -28,6 +28,15 @@ impl Default for Limits {
     }
 }
 
+impl Limits {
+    /// The default limits, none of them beyond `lost`.
+    #[must_use]
+    pub fn within(lost: Duration) -> Self {
+        let Self { ready, late, .. } = Self::default();
+        Self { ready: ready.min(lost), late: late.min(lost), lost }
+    }
+}
+
 /// How many times its predicted time a call may take, beyond [`Limits::late`]: models fitted to other streams have been
 /// wrong by a factor of five (cold caches, a machine that others use), and false alarms only cost work that idle devices do.
 pub(crate) const OVERRUN: f64 = 8.0;

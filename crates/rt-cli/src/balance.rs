@@ -3,7 +3,7 @@
 use crate::args::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
 use crate::frame::TaskCut;
 use anyhow::{Context, Result, bail};
-use rt_balance::{DEFAULT_TASK_SIZE, QueueKind, Scheduling};
+use rt_balance::{DEFAULT_TASK_SIZE, Limits, QueueKind, Scheduling};
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
 use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
@@ -59,7 +59,8 @@ impl BalanceArgs {
             QueueArg::Central => QueueKind::Central,
             QueueArg::Hybrid => QueueKind::Hybrid,
         };
-        let scheduling = Scheduling { estimator, policy, queue, ..Scheduling::default() };
+        let limits = Limits::within(self.device_limit);
+        let scheduling = Scheduling { estimator, policy, queue, limits, ..Scheduling::default() };
         scheduling.policy().context("--policy")?;
         Ok(scheduling)
     }

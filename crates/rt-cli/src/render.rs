@@ -3,15 +3,15 @@
 use crate::args::RenderArgs;
 use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
-use crate::{chart, devices, html, image, interrupt, output, table};
+use crate::{chart, html, image, interrupt, output, table};
 use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
+use rt_scene::prepare::Prepared;
 use rt_scene::{View, streams, view};
 use std::path::Path;
 use std::sync::Arc;
@@ -24,12 +24,12 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     interrupt::watch();
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
+    let prepared = args.source.prepare(args.scene.as_deref().unwrap_or("yard"))?;
     let first = choose_view(&prepared, args)?;
-    let scene = Arc::new(prepared.built.scene.clone());
-    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let scene = Arc::clone(&prepared.built.scene);
+    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
-    let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 

@@ -1,25 +1,20 @@
 //! What measuring commands share: a scene on devices, its streams, the machine.
 
-mod machine;
-
-pub(crate) use machine::Machine;
+pub(crate) use rt_report::{Machine, command_line};
 
 use crate::args::SceneArgs;
 use crate::interrupt;
-use crate::scene_source::{Prepared, prepare};
 use anyhow::{Context, Result, bail};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, Control, Limits, Reference, Scheduling, Stream};
+use rt_balance::{Balancer, Limits, Reference, Scheduling, Stream};
 use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
 use rt_scene::Model;
+use rt_scene::prepare::Prepared;
 use rt_scene::streams::Spawner;
-use std::path::Path;
 use std::sync::Arc;
 
 /// A scene on devices, ready for repeated measurements.
 pub(crate) struct Subject {
-    /// Short name: the built-in scene's, or the file's without folder and ending.
-    pub(crate) name: String,
     pub(crate) balancer: Balancer,
     prepared: Prepared,
     /// Results are thrown away, but written as in any run.
@@ -29,10 +24,10 @@ pub(crate) struct Subject {
 impl Subject {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
-        let prepared = prepare(scene, source)?;
-        let balancer = Balancer::new(Arc::new(prepared.built.scene.clone()), devices)?;
-        let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
-        Ok(Self { name, balancer, prepared, hits: Vec::new() })
+        let prepared = source.prepare(scene)?;
+        let scene = Arc::clone(&prepared.built.scene);
+        let balancer = Balancer::open(scene, devices, &Limits::default(), interrupt::control())?;
+        Ok(Self { balancer, prepared, hits: Vec::new() })
     }
 
     /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
@@ -56,8 +51,12 @@ impl Subject {
 
     /// Every task's own time and tests, in a pass of its own.
     pub(crate) fn reference(&mut self, stream: &Stream) -> Result<Reference> {
-        let control = Control { cancel: Some(interrupt::flag()), progress: None };
-        Ok(self.balancer.reference(stream, 1, &Limits::default(), control)?)
+        Ok(self.balancer.reference(stream, 1, &Limits::default(), interrupt::control())?)
+    }
+
+    /// Short name.
+    pub(crate) fn name(&self) -> &str {
+        &self.prepared.name
     }
 
     /// The scene with its tree.
@@ -88,21 +87,11 @@ pub(crate) fn trace(
     }
     hits.clear();
     hits.resize(stream.source.len() as usize, Hit::MISS);
-    let control = Control { cancel: Some(interrupt::flag()), progress: None };
-    Ok(balancer.trace(stream, scheduling, hits, None, control)?)
+    Ok(balancer.trace(stream, scheduling, hits, None, interrupt::control())?)
 }
 
 /// Seconds in the kernel; of the whole launch where the device cannot tell.
 pub(crate) fn in_kernel(span: Span) -> f64 {
     let inside = if span.in_kernel.is_zero() { span.duration() } else { span.in_kernel };
     inside.as_secs_f64()
-}
-
-/// The command line as one would type it.
-pub(crate) fn command_line() -> String {
-    let words = std::env::args().skip(1).map(|word| {
-        let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
-        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
-    });
-    std::iter::once("raybalance".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }
