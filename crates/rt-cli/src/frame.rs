@@ -10,7 +10,7 @@ use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::{Aim, Departure, Surfaces};
 use rt_core::{BounceRays, Camera, CameraRays, Hit, Precision, Query, RaySource, StreamKind, StreamSpec, random};
 use rt_scene::Model;
-use rt_scene::streams::{Spawned, Spawner};
+use rt_scene::streams::Spawner;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -113,15 +113,6 @@ const SHADE_BATCH: usize = 1 << 18;
 
 /// Hits that one core turns into rays at a time.
 const SPAWN_CHUNK: u32 = 1 << 14;
-
-/// Spawns from all hits on all cores; the rays are in the order of their parents, as if spawned on one.
-pub(crate) fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
-    let mut all = Spawned::default();
-    for chunk in chunks(hits, from) {
-        all.append(chunk);
-    }
-    all.into_source()
-}
 
 /// What `from` makes of chunks of `hits` hits, in their order.
 fn chunks<T: Send>(hits: usize, from: impl Fn(Range<u32>) -> T + Sync) -> Vec<T> {

@@ -1,6 +1,6 @@
 //! The rays that are measured: what a renderer traces, and two kinds that it does not.
 
-use crate::shade::Light;
+use crate::interim::sun;
 use anyhow::{Context, Result};
 use rt_balance::DEFAULT_TASK_SIZE;
 use rt_core::{Hit, Launch, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, morton, tasks_of};
@@ -36,7 +36,7 @@ pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2
     let camera = RaySource::Camera(std::sync::Arc::new(primary(camera, size, 1, seed, pixels)));
     let hits = reference(&prepared.built.scene, &camera, Query::Closest);
     let spawner = Spawner { model: &prepared.model, rays: &camera, hits: &hits, seed, samples: 1, bounce: 0 };
-    let light = Light::new(&view, prepared.model.bounds().extent().length());
+    let sun = sun(&view);
     let all = 0..camera.len();
     let maker = RayMaker::new(triangles, seed);
     let aimed = |aim| {
@@ -44,7 +44,7 @@ pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2
         RaySource::Explicit { rays: rays.into(), origins: None }
     };
     let kinds = [
-        ("shadow", spawner.shadow(&light.sun, all.clone()).into_source().0, Query::Any),
+        ("shadow", spawner.shadow(&sun, all.clone()).into_source().0, Query::Any),
         ("diffuse", spawner.diffuse(all.clone()).into_source().0, Query::Closest),
         ("random", aimed(Aim::Random), Query::Closest),
         (EDGES, aimed(Aim::Edge), Query::Closest),

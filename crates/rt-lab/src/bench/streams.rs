@@ -1,7 +1,6 @@
 //! The rays that are measured: from the camera, to the sun, bounced, and anywhere.
 
-use crate::frame::spawn;
-use crate::shade::Light;
+use crate::interim::{spawn, sun};
 use anyhow::{Context, Result};
 use glam::Vec3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -49,10 +48,10 @@ impl<'a> BenchScene<'a> {
         let pixels: Arc<[u32]> = morton::pixel_order(side, side).into();
         let primary = RaySource::Camera(Arc::new(CameraRays { camera, size: [side, side], pixels, samples: 1, seed }));
         let hits = nearest(&self.tree, &primary);
-        let light = Light::new(&self.view, self.model.bounds().extent().length());
+        let sun = sun(&self.view);
         let spawner = |seed| Spawner { model: self.model, rays: &primary, hits: &hits, seed, samples: 1, bounce: 0 };
         let count = primary.len() as usize;
-        let shadow = filled(count, |round, from| spawner(seed + round).shadow(&light.sun, from), hits.len());
+        let shadow = filled(count, |round, from| spawner(seed + round).shadow(&sun, from), hits.len());
         let diffuse = filled(count, |round, from| spawner(seed + round).diffuse(from), hits.len());
         let random = RaySource::Explicit { rays: self.random(primary.len(), seed), origins: None };
         let all = [
@@ -110,19 +109,13 @@ fn nearest(scene: &Scene, source: &RaySource) -> Vec<Hit> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::SceneArgs;
-
-    #[derive(clap::Parser)]
-    struct Arguments {
-        #[command(flatten)]
-        source: SceneArgs,
-    }
+    use crate::DEFAULT_BUILDER;
+    use rt_scene::prepare::{Options, prepare};
 
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
-        let arguments = <Arguments as clap::Parser>::parse_from(["bench"]);
-        let prepared = arguments.source.prepare("car").unwrap();
+        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut |_| {}).unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
         let streams = scene.streams(1000, 1).unwrap();
         assert_eq!(
