@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
-//! | [`bench`] | how fast each device traces, and what reduced traversal costs beside full |
+//! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
 //! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
 //! here knows a command line or a terminal.
@@ -12,7 +12,6 @@
 
 pub mod bench;
 pub mod figure1;
-mod interim;
 mod lab;
 mod stretch;
 mod subject;

@@ -4,10 +4,10 @@ use crate::Lab;
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
+use rt_core::{Device, Hit, Scene, Span};
 use rt_scene::Model;
 use rt_scene::prepare::{Options, Prepared};
-use rt_scene::streams::Spawner;
+use rt_scene::streams::{PathStream, Wave};
 use std::sync::Arc;
 
 /// A scene on devices, ready for repeated measurements.
@@ -29,16 +29,14 @@ impl<'a> Subject<'a> {
 
     /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
     pub(crate) fn streams(&mut self, size: [u32; 2], seed: u32) -> Result<[Stream; 2]> {
-        let camera = self.prepared.view().camera().context("the scene's camera")?;
-        let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
-        let rays = RaySource::Camera(Arc::new(CameraRays { camera, size, pixels, samples: 1, seed }));
-        let spec = StreamSpec { precision: self.prepared.precision, ..StreamSpec::default() };
-        let primary = Stream::new(rays.clone(), StreamKind::Primary, spec);
+        let paths = self.prepared.paths(&self.prepared.view(), size, seed).context("the scene's camera")?;
+        let precision = self.prepared.precision;
+        let stream = |stream: &PathStream| Stream::new(stream.source.clone(), stream.kind, stream.spec(precision));
+        let rays = paths.primary(&Wave::whole(size)?);
+        let primary = stream(&rays);
         self.trace(&primary, &mut Scheduling::default())?;
-        let spawner =
-            Spawner { model: &self.prepared.model, rays: &rays, hits: &self.hits, seed, samples: 1, bounce: 0 };
-        let diffuse = spawner.diffuse(0..rays.len()).into_source().0;
-        Ok([primary, Stream::new(diffuse, StreamKind::Diffuse(0), spec)])
+        let [_, diffuse] = paths.follow(&rays, &self.hits);
+        Ok([primary, stream(&diffuse)])
     }
 
     /// Traces a stream once.

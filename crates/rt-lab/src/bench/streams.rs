@@ -1,14 +1,13 @@
 //! The rays that are measured: from the camera, to the sun, bounced, and anywhere.
 
-use crate::interim::{spawn, sun};
 use anyhow::{Context, Result};
 use glam::Vec3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
-use rt_bvh::Stack;
-use rt_core::{CameraRays, Hit, Query, Ray, RaySource, Scene, StreamSpec, morton, random};
+use rt_core::bounce::Departure;
+use rt_core::{BounceRays, Hit, Query, Ray, RaySource, Scene, StreamSpec, random};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Spawned, Spawner};
-use rt_scene::{Model, View, view};
+use rt_scene::streams::{self, Paths, Wave};
+use rt_scene::{View, view};
 use std::f32::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +23,7 @@ pub(crate) struct Rays {
 /// A scene with a view of it.
 #[derive(Debug)]
 pub(crate) struct BenchScene<'a> {
-    model: &'a Model,
+    prepared: &'a Prepared,
     pub(crate) tree: Arc<Scene>,
     view: View,
 }
@@ -37,23 +36,22 @@ impl<'a> BenchScene<'a> {
     pub(crate) fn new(prepared: &'a Prepared, path: &Path) -> Result<Self> {
         let model = &prepared.model;
         let view = model.view.or_else(|| view::listed(path)).unwrap_or_else(|| prepared.view());
-        Ok(Self { model, tree: Arc::clone(&prepared.built.scene), view })
+        Ok(Self { prepared, tree: Arc::clone(&prepared.built.scene), view })
     }
 
     /// `rays` rays of each kind: primary ones fill a square picture, rounded up to whole rows. Kinds that the scene has
     /// none of are left out.
     pub(crate) fn streams(&self, rays: u32, seed: u32) -> Result<Vec<Rays>> {
         let side = f64::from(rays).sqrt().ceil() as u32;
-        let camera = self.view.camera().with_context(|| format!("the camera of {}", self.model.source))?;
-        let pixels: Arc<[u32]> = morton::pixel_order(side, side).into();
-        let primary = RaySource::Camera(Arc::new(CameraRays { camera, size: [side, side], pixels, samples: 1, seed }));
-        let hits = nearest(&self.tree, &primary);
-        let sun = sun(&self.view);
-        let spawner = |seed| Spawner { model: self.model, rays: &primary, hits: &hits, seed, samples: 1, bounce: 0 };
-        let count = primary.len() as usize;
-        let shadow = filled(count, |round, from| spawner(seed + round).shadow(&sun, from), hits.len());
-        let diffuse = filled(count, |round, from| spawner(seed + round).diffuse(from), hits.len());
-        let random = RaySource::Explicit { rays: self.random(primary.len(), seed), origins: None };
+        let size = [side, side];
+        let paths = self.prepared.paths(&self.view, size, seed);
+        let paths = paths.with_context(|| format!("the camera of {}", self.prepared.model.source))?;
+        let wave = Wave::whole(size)?;
+        let primary = paths.primary(&wave).source;
+        let count = primary.len();
+        let hits = streams::trace(&self.tree, &primary, StreamSpec::default());
+        let [shadow, diffuse] = filled(&paths, &wave, &hits, count);
+        let random = RaySource::Explicit { rays: self.random(count, seed), origins: None };
         let all = [
             Rays { kind: "primary", query: Query::Closest, source: primary },
             Rays { kind: "shadow", query: Query::Any, source: shadow },
@@ -65,7 +63,7 @@ impl<'a> BenchScene<'a> {
 
     /// From anywhere in the scene's box in any direction: nothing that neighbours have in common.
     fn random(&self, count: u32, seed: u32) -> Arc<[Ray]> {
-        let bounds = self.model.bounds();
+        let bounds = self.prepared.model.bounds();
         let ray = |index| {
             let origin = bounds.min + bounds.extent() * Vec3::from(random::pcg3d([seed, index, 0]).map(random::unit));
             let [height, turn] = random::pair(seed, index, 1);
@@ -78,32 +76,28 @@ impl<'a> BenchScene<'a> {
     }
 }
 
-/// `count` rays from round after round of spawning off all hits, each with other random numbers.
-fn filled(count: usize, round: impl Fn(u32, std::ops::Range<u32>) -> Spawned + Sync, hits: usize) -> RaySource {
-    let (mut rays, mut origins): (Vec<Ray>, Vec<u32>) = (Vec::new(), Vec::new());
-    for number in 0..MOST_ROUNDS {
-        let (source, _) = spawn(hits, |range| round(number, range));
-        let RaySource::Explicit { rays: more, origins: from } = source else { break };
-        if more.is_empty() || rays.len() >= count {
+/// `count` shadow and as many diffuse rays, from round after round off all hits, each with other random numbers: those of the
+/// pixels that would come next in a larger picture.
+fn filled(paths: &Paths, wave: &Wave, hits: &[Hit], count: u32) -> [RaySource; 2] {
+    let follow = |first: u32| paths.follow(&paths.primary(&Wave { first, ..wave.clone() }), hits);
+    let streams = follow(0);
+    let mut lists = streams.each_ref().map(|stream| stream.departures().to_vec());
+    for round in 1..MOST_ROUNDS {
+        if lists.iter().all(|list| list.is_empty() || list.len() >= count as usize) {
             break;
         }
-        let left = count - rays.len();
-        rays.extend(more.iter().take(left));
-        origins.extend(from.iter().flat_map(|from| from.iter()).take(left));
+        let first = round.wrapping_mul(count);
+        let place = |from: &Departure| Departure { path: from.path.wrapping_add(first), ..*from };
+        for (list, stream) in lists.iter_mut().zip(follow(first)) {
+            list.extend(stream.departures().iter().map(place));
+        }
     }
-    RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) }
-}
-
-/// The nearest hit of every ray, on all cores.
-fn nearest(scene: &Scene, source: &RaySource) -> Vec<Hit> {
-    const CHUNK: u32 = 1 << 14;
-    let chunk = |chunk: u32| {
-        let rays = (chunk * CHUNK..source.len().min((chunk + 1) * CHUNK)).map(|i| source.ray(i));
-        let mut hits = Vec::with_capacity(CHUNK as usize);
-        rt_bvh::trace(scene, &mut Stack::for_scene(scene), StreamSpec::default(), rays, |hit, _| hits.push(hit));
-        hits
-    };
-    (0..source.len().div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
+    std::array::from_fn(|kind| {
+        let source = &streams[kind].source;
+        let RaySource::Bounce(rays) = source else { return source.clone() };
+        let departures = lists[kind].iter().copied().take(count as usize).collect();
+        RaySource::Bounce(Arc::new(BounceRays { departures, ..(**rays).clone() }))
+    })
 }
 
 #[cfg(test)]
@@ -117,14 +111,11 @@ mod tests {
     fn every_kind_has_as_many_rays_as_asked_for() {
         let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut |_| {}).unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
-        let streams = scene.streams(1000, 1).unwrap();
-        assert_eq!(
-            streams.iter().map(|rays| rays.kind).collect::<Vec<_>>(),
-            ["primary", "shadow", "diffuse", "random"]
-        );
+        let rays = scene.streams(1000, 1).unwrap();
+        assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);
         // 32 × 32 pixels.
-        assert!(streams.iter().all(|rays| rays.source.len() == 1024));
-        let hits = nearest(&scene.tree, &streams[3].source);
-        assert!(hits.len() == 1024 && hits.iter().any(Hit::is_hit));
+        assert!(rays.iter().all(|rays| rays.source.len() == 1024));
+        let hits = streams::trace(&scene.tree, &rays[3].source, StreamSpec::default());
+        assert!(hits.len() == 1024 && hits.iter().any(rt_core::Hit::is_hit));
     }
 }

@@ -1,11 +1,10 @@
 //! The rays that are measured: what a renderer traces, and two kinds that it does not.
 
-use crate::interim::sun;
 use anyhow::{Context, Result};
 use rt_balance::DEFAULT_TASK_SIZE;
-use rt_core::{Hit, Launch, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, morton, tasks_of};
+use rt_core::{Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, tasks_of};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Spawner, primary};
+use rt_scene::streams::{self, Wave};
 use rt_verify::rays::{Aim, RayMaker};
 use std::time::Duration;
 
@@ -30,46 +29,31 @@ pub(super) const STREAMS: usize = 5;
 /// Camera rays of one picture; shadow and diffuse rays from where they hit; as many random segments, and rays aimed at
 /// edges, where single precision leaks.
 pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2], seed: u32) -> Result<Vec<Kind>> {
-    let view = prepared.view();
-    let camera = view.camera().with_context(|| format!("a camera for {}", prepared.model.source))?;
-    let pixels = morton::pixel_order(size[0], size[1]).into();
-    let camera = RaySource::Camera(std::sync::Arc::new(primary(camera, size, 1, seed, pixels)));
-    let hits = reference(&prepared.built.scene, &camera, Query::Closest);
-    let spawner = Spawner { model: &prepared.model, rays: &camera, hits: &hits, seed, samples: 1, bounce: 0 };
-    let sun = sun(&view);
-    let all = 0..camera.len();
+    let paths = prepared.paths(&prepared.view(), size, seed);
+    let paths = paths.with_context(|| format!("a camera for {}", prepared.model.source))?;
+    let primary = paths.primary(&Wave::whole(size)?);
+    let [shadow, diffuse] = paths.follow(&primary, &reference(&prepared.built.scene, &primary.source, primary.query));
+    let all = 0..primary.source.len();
     let maker = RayMaker::new(triangles, seed);
     let aimed = |aim| {
         let rays: Vec<Ray> = all.clone().map(|i| maker.ray(aim, i).0).collect();
         RaySource::Explicit { rays: rays.into(), origins: None }
     };
     let kinds = [
-        ("shadow", spawner.shadow(&sun, all.clone()).into_source().0, Query::Any),
-        ("diffuse", spawner.diffuse(all.clone()).into_source().0, Query::Closest),
+        ("primary", primary.source, primary.query),
+        ("shadow", shadow.source, shadow.query),
+        ("diffuse", diffuse.source, diffuse.query),
         ("random", aimed(Aim::Random), Query::Closest),
         (EDGES, aimed(Aim::Edge), Query::Closest),
-        ("primary", camera, Query::Closest),
     ];
     let mut kinds: Vec<Kind> = kinds.into_iter().map(|(name, source, query)| Kind { name, source, query }).collect();
-    kinds.rotate_right(1);
     kinds.retain(|kind| !kind.source.is_empty());
     Ok(kinds)
 }
 
-/// The hits of a stream in double precision, on all cores.
+/// The hits of a stream in double precision.
 pub(super) fn reference(scene: &Scene, source: &RaySource, query: Query) -> Vec<Hit> {
-    use rayon::prelude::*;
-    /// Rays that one core traces at a time.
-    const CHUNK: u32 = 1 << 12;
-    let spec = StreamSpec { query, precision: rt_core::Precision::Double, counts: false };
-    let chunk = |chunk: u32| {
-        let range = chunk * CHUNK..source.len().min((chunk + 1) * CHUNK);
-        let mut hits = Vec::with_capacity(range.len());
-        let rays = range.map(|i| source.ray(i));
-        rt_bvh::trace(scene, &mut rt_bvh::Stack::for_scene(scene), spec, rays, |hit, _| hits.push(hit));
-        hits
-    };
-    (0..source.len().div_ceil(CHUNK)).into_par_iter().flat_map_iter(chunk).collect()
+    streams::trace(scene, source, StreamSpec { query, precision: Precision::Double, counts: false })
 }
 
 /// Traces a whole stream in one launch, in tasks as the balancer cuts them by default.
