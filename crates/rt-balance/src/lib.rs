@@ -31,6 +31,7 @@
 
 mod answers;
 mod balancer;
+pub mod catalogue;
 mod clock;
 mod contain;
 #[cfg(feature = "cpu")]
