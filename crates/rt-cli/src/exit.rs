@@ -1,7 +1,6 @@
-//! How a command ends: all exit codes, and the error that means wrong usage.
+//! How a command ends: all exit codes.
 
-use std::error::Error;
-use std::fmt;
+use rt_report::usage::Usage;
 use std::process::ExitCode;
 
 /// Every exit code there is.
@@ -42,39 +41,11 @@ impl From<Exit> for ExitCode {
     }
 }
 
-/// The command line is wrong in a way that its parser cannot see.
-#[derive(Debug)]
-pub(crate) struct Usage(String);
-
-impl fmt::Display for Usage {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl Error for Usage {}
-
-/// An error of wrong usage; says which option is wrong, why, and what to give instead.
-pub(crate) fn usage(message: impl Into<String>) -> anyhow::Error {
-    anyhow::Error::new(Usage(message.into()))
-}
-
-/// Makes an error one of wrong usage.
-pub(crate) trait OrUsage<T> {
-    /// The same with an error of wrong usage.
-    fn or_usage(self) -> anyhow::Result<T>;
-}
-
-impl<T, E: Into<anyhow::Error>> OrUsage<T> for Result<T, E> {
-    fn or_usage(self) -> anyhow::Result<T> {
-        self.map_err(|error| usage(format!("{:#}", error.into())))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use anyhow::Context;
+    use rt_report::usage::usage;
 
     #[test]
     fn the_help_names_every_code() {
@@ -87,11 +58,9 @@ mod tests {
     // Mutant: only the innermost error is looked at, or only the outermost.
     #[test]
     fn wrong_usage_is_known_through_what_is_said_of_it() {
-        let wrong: Result<(), _> = Err(usage("--fov must be above 0"));
+        let wrong: anyhow::Result<()> = Err(usage("--fov must be above 0"));
         let error = wrong.context("the camera").unwrap_err();
         assert_eq!(Exit::of(&error), Exit::Usage);
         assert_eq!(Exit::of(&anyhow::anyhow!("no")), Exit::Failure);
-        let refused: anyhow::Result<()> = "no".parse::<u32>().context("--tasks").map(drop).or_usage();
-        assert_eq!(format!("{:#}", refused.unwrap_err()), "--tasks: invalid digit found in string");
     }
 }

@@ -5,8 +5,8 @@
 //! A second signal has no patience.
 
 use crate::exit::Exit;
-use std::error::Error;
-use std::fmt;
+use anyhow::{Result, bail};
+use rt_balance::Control;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::Duration;
 
@@ -26,6 +26,11 @@ pub(crate) fn watch() {
     let _ = signals::watch();
 }
 
+/// What stops a run.
+pub(crate) fn control() -> Control<'static> {
+    Control { cancel: Some(flag()), progress: None }
+}
+
 /// The flag that a run looks at.
 pub(crate) fn flag() -> &'static AtomicBool {
     &REQUESTED
@@ -41,21 +46,12 @@ pub(crate) fn exit() -> Option<Exit> {
     [Exit::Interrupted, Exit::Terminated].into_iter().find(|exit| exit.code() == CODE.load(Ordering::Relaxed))
 }
 
-/// A signal came, and the command stopped where it was.
-#[derive(Debug)]
-pub(crate) struct Interrupted;
-
-impl fmt::Display for Interrupted {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("interrupted")
-    }
-}
-
-impl Error for Interrupted {}
-
 /// An error once a signal came.
-pub(crate) fn check() -> Result<(), Interrupted> {
-    if requested() { Err(Interrupted) } else { Ok(()) }
+pub(crate) fn check() -> Result<()> {
+    if requested() {
+        bail!("interrupted");
+    }
+    Ok(())
 }
 
 #[cfg(unix)]

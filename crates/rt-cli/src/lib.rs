@@ -4,10 +4,8 @@
 
 mod args;
 mod balance;
-mod bench;
 mod exit;
-mod experiment;
-mod figure1;
+mod experiments;
 mod frame;
 mod interrupt;
 mod list;
@@ -17,14 +15,12 @@ mod render;
 mod scene;
 mod shade;
 mod trace;
-mod tradeoff;
 mod verify;
 
 use anyhow::{Context, Result};
 use args::{Cli, Command};
 use clap::Parser;
 use exit::Exit;
-use interrupt::Interrupted;
 use rt_report::print::{Stdout, StdoutError, note};
 use rt_report::{chart, html, image, output, report, table};
 use std::io::Write;
@@ -56,10 +52,10 @@ fn run(cli: Cli) -> Result<()> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
-        Command::Figure1(args) => figure1::run(&args),
-        Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Figure1(args) => experiments::figure1(&args),
+        Command::Tradeoff(args) => experiments::tradeoff(&args),
         Command::Verify(args) => verify::run(&args),
-        Command::Bench(args) => bench::run(&args),
+        Command::Bench(args) => experiments::bench(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     }
@@ -71,11 +67,7 @@ fn end(result: Result<()>) -> Exit {
     if StdoutError::of(&*error).is_some_and(StdoutError::is_closed) {
         return Exit::ClosedPipe;
     }
-    if error.is::<Interrupted>() {
-        note("error: interrupted");
-    } else {
-        // Causes on one line: the chain ends with what to do.
-        note(format_args!("error: {error:#}"));
-    }
+    // Causes on one line: the chain ends with what to do.
+    note(format_args!("error: {error:#}"));
     interrupt::exit().unwrap_or_else(|| Exit::of(&error))
 }

@@ -1,13 +1,11 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::exit::OrUsage;
 use crate::frame::{BYTES_PER_RAY, Film, Part, Renderer, Session};
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::scene::protect;
 use crate::shade::{Light, exposure};
-use crate::{chart, html, image, interrupt, output, table};
+use crate::{chart, html, image, interrupt, output, scene, table};
 use anyhow::{Context, Result};
 use glam::Vec3;
 use rt_balance::Balancer;
@@ -16,6 +14,7 @@ use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
 use rt_report::command_words;
 use rt_report::print::Stdout;
+use rt_report::usage::OrUsage;
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Wave, Waves};
 use rt_scene::{View, view};
@@ -36,13 +35,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let scene = args.scene.as_deref().unwrap_or(Path::new("yard"));
     let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
     let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
-    protect(outputs, [scene]).check().or_usage()?;
+    scene::check([scene])?;
+    outputs.scenes([scene]).check()?;
     let prepared = args.source.prepare(scene)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
-    let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 

@@ -1,17 +1,16 @@
 //! Scenes as the command line names them: a bar while a large file is loaded, warnings on standard error.
 
 use crate::args::SceneArgs;
-use crate::exit::usage;
-use crate::output::Outputs;
 use crate::progress;
 use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_bvh::InvalidTriangles;
 use rt_core::Precision;
 use rt_report::print::note;
+use rt_report::usage::usage;
+use rt_scene::Model;
 use rt_scene::obj::{LoadError, LoadProgress};
 use rt_scene::prepare::{self, Options, PrepareError, Prepared};
-use rt_scene::{Model, scenes};
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -33,11 +32,9 @@ impl SceneArgs {
     }
 }
 
-/// Adds the files of scenes to what must not be overwritten.
-pub(crate) fn protect<S: AsRef<Path>>(outputs: Outputs, scenes: impl IntoIterator<Item = S>) -> Outputs {
-    let is_built_in = |scene: &S| scene.as_ref().to_str().is_some_and(|name| scenes::find(name).is_some());
-    let files = scenes.into_iter().filter(|scene| !is_built_in(scene));
-    files.fold(outputs, |outputs, file| outputs.input("the scene", file.as_ref()))
+/// Whether all scenes are there, before any of them is worked on.
+pub(crate) fn check<S: AsRef<Path>>(scenes: impl IntoIterator<Item = S>) -> Result<()> {
+    scenes.into_iter().try_for_each(|scene| prepare::check(scene.as_ref()).map_err(explained))
 }
 
 /// Generates or loads a scene, whose triangles must be finite.
@@ -62,16 +59,19 @@ fn with_bar<T>(load: impl FnOnce(&mut dyn FnMut(LoadProgress)) -> Result<T, Prep
     if let Some(bar) = bar {
         bar.finish_and_clear();
     }
-    loaded.map_err(|error| {
-        match error {
-            PrepareError::Unknown { .. } => usage(error.to_string()),
-            // The library does not know the option's name.
-            PrepareError::Load(LoadError::NotFinite { .. }) => {
-                anyhow::Error::from(error).context("give --drop-invalid to leave such triangles out")
-            }
-            error => error.into(),
+    loaded.map_err(explained)
+}
+
+/// What the command line knows better.
+fn explained(error: PrepareError) -> anyhow::Error {
+    match error {
+        PrepareError::Unknown { .. } => usage(error.to_string()),
+        // The library does not know the option's name.
+        PrepareError::Load(LoadError::NotFinite { .. }) => {
+            anyhow::Error::from(error).context("give --drop-invalid to leave such triangles out")
         }
-    })
+        error => error.into(),
+    }
 }
 
 fn warn(warnings: &[String]) {

@@ -1,11 +1,9 @@
 //! `raybalance trace`: rays from a NumPy file, hits to another.
 
 use crate::args::TraceArgs;
-use crate::exit::OrUsage;
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::scene::protect;
-use crate::{interrupt, npy, progress, render, table};
+use crate::{interrupt, npy, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
@@ -18,16 +16,17 @@ use std::time::Instant;
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
-    let mut outputs = protect(Outputs::new().file("--hits", &args.hits), [&args.scene]).input("the rays", &args.rays);
+    let mut outputs = Outputs::new().file("--hits", &args.hits).scenes([&args.scene]).input("the rays", &args.rays);
     if let Some(counts) = &args.counts {
         outputs = outputs.file("--counts", counts);
     }
-    outputs.check().or_usage()?;
+    scene::check([&args.scene])?;
+    outputs.check()?;
     let rays = npy::read_rays(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
-    let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec { query, precision: prepared.precision, counts: args.counts.is_some() };
@@ -41,7 +40,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut counts = args.counts.as_ref().map(|_| vec![TestCounts::default(); count as usize]);
     let bar = progress::bar("tracing", count.into());
     let show = |done, _| bar.set_position(done);
-    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&show) };
+    let control = Control { progress: Some(&show), ..interrupt::control() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
     bar.finish_and_clear();
     let run = run?;

@@ -39,6 +39,7 @@ const SCHEMA: u32 = 1;
 pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     let begin = Instant::now();
     let names = if args.scenes.is_empty() { SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
+    scene::check(&names)?;
     let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
     let devices = CardArgs::default().open(Some(&args.backend))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };

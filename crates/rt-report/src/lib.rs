@@ -13,5 +13,6 @@ pub mod output;
 pub mod print;
 pub mod report;
 pub mod table;
+pub mod usage;
 
 pub use machine::{Machine, command_line, command_words};

@@ -9,6 +9,7 @@ use rt_core::bounce::Surfaces;
 use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
 use std::error::Error;
 use std::fmt;
+use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -142,6 +143,21 @@ pub fn short_name(scene: &Path) -> String {
     scene.file_stem().unwrap_or(scene.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// Whether a scene is built in or its file is there; so much can be said before any of several scenes is worked on.
+///
+/// # Errors
+/// When there is no such scene.
+pub fn check(scene: &Path) -> Result<(), PrepareError> {
+    if scene.to_str().is_some_and(|name| scenes::find(name).is_some()) {
+        return Ok(());
+    }
+    match fs::metadata(scene) {
+        Ok(_) => Ok(()),
+        Err(_) if scene.extension().is_none() => Err(PrepareError::Unknown { scene: scene.display().to_string() }),
+        Err(source) => Err(PrepareError::Load(LoadError::Read { file: scene.display().to_string(), source })),
+    }
+}
+
 /// Generates or loads a scene; `progress` is told how far a file is loaded.
 ///
 /// # Errors
@@ -155,9 +171,7 @@ pub fn load(
     if let Some(model) = scene.to_str().and_then(generate) {
         return Ok(Named { name, model, warnings: Vec::new() });
     }
-    if !scene.exists() && scene.extension().is_none() {
-        return Err(PrepareError::Unknown { scene: scene.display().to_string() });
-    }
+    check(scene)?;
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
     let loaded = load_obj(scene, &options, progress).map_err(PrepareError::Load)?;
     let mut warnings = loaded.warnings;

@@ -1,12 +1,28 @@
-//! Values on the command line: devices, fractions, sizes, points, amounts of memory.
+//! Values on the command line: names of the catalogue, devices, fractions, sizes, points, amounts of memory.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::Vec3;
+use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
 use rt_balance::devices::{self, ListError};
+use std::time::Duration;
 
 /// The list stays text: opening it reads it again.
 pub(super) fn parse_devices(text: &str) -> Result<String, ListError> {
     devices::check(text.trim())?;
     Ok(text.trim().to_owned())
+}
+
+/// Names of a list of the catalogue.
+pub(super) fn named<T: Send + Sync>(entries: &'static [Entry<T>]) -> impl TypedValueParser<Value = &'static Entry<T>> {
+    PossibleValuesParser::new(entries.iter().map(|entry| PossibleValue::new(entry.name).help(entry.what)))
+        .map(|name| catalogue::find(entries, &name).expect("no other name passes the parser"))
+}
+
+/// What the walk of a reduced estimator does at a leaf: the estimator's name without what all have in common.
+pub(super) fn reduced_walk() -> impl TypedValueParser<Value = &'static Entry<Make>> {
+    let short = |entry: &'static Entry<Make>| entry.name.strip_prefix("reduced-").unwrap_or("leaf");
+    PossibleValuesParser::new(reduced_estimators().map(|entry| PossibleValue::new(short(entry)).help(entry.what)))
+        .map(move |name| reduced_estimators().find(|e| short(e) == name).expect("no other name passes the parser"))
 }
 
 pub(super) fn parse_fraction(text: &str) -> Result<f64, String> {
@@ -30,6 +46,11 @@ pub(super) fn parse_fov(text: &str) -> Result<f32, String> {
         Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
         _ => Err("must be above 0 and below 180 degrees, such as 40".to_owned()),
     }
+}
+
+pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.filter(|seconds| !seconds.is_zero()).ok_or_else(|| "must be a number of seconds above 0".to_owned())
 }
 
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
@@ -74,6 +95,8 @@ mod tests {
         assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
         assert_eq!(parse_fov("40"), Ok(40.0));
         assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| parse_fov(text).is_err()));
+        assert_eq!(parse_seconds("0.5"), Ok(Duration::from_millis(500)));
+        assert!(["0", "-1", "nan", "inf", "1e300", "soon"].iter().all(|text| parse_seconds(text).is_err()));
         assert_eq!(parse_size("640x400"), Ok([640, 400]));
         assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
         assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));

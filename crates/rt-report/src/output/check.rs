@@ -2,7 +2,9 @@
 
 use super::partial::{self, Partial};
 use super::place::{Place, parent, real_folder};
+use crate::usage::OrUsage;
 use anyhow::{Context, Result, bail, ensure};
+use rt_scene::scenes;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata};
@@ -60,12 +62,26 @@ impl Outputs {
         self
     }
 
+    /// The files of scenes; those that are built in have none.
+    #[must_use]
+    pub fn scenes<S: AsRef<Path>>(self, scenes: impl IntoIterator<Item = S>) -> Self {
+        let is_built_in = |scene: &Path| scene.to_str().is_some_and(|name| scenes::find(name).is_some());
+        scenes.into_iter().fold(self, |outputs, scene| match scene.as_ref() {
+            built_in if is_built_in(built_in) => outputs,
+            file => outputs.input("the scene", file),
+        })
+    }
+
     /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what killed
     /// processes left of the same files.
     ///
     /// # Errors
-    /// When something cannot be written; the message names the option, the path and the reason.
+    /// Of wrong usage, when something cannot be written; the message names the option, the path and the reason.
     pub fn check(&self) -> Result<()> {
+        self.look().or_usage()
+    }
+
+    fn look(&self) -> Result<()> {
         for Wanted { option, path } in &self.folders {
             let exists = path.exists();
             ensure!(!exists || path.is_dir(), "{option}: `{}` is not a folder", path.display());
