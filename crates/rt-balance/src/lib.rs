@@ -30,6 +30,7 @@
 #![forbid(unsafe_code)]
 
 mod balancer;
+pub mod catalogue;
 mod clock;
 #[cfg(feature = "cpu")]
 pub mod devices;

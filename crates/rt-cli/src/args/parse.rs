@@ -1,6 +1,21 @@
-//! Values on the command line: fractions, sizes, points, amounts of memory.
+//! Values on the command line: names of the catalogue, fractions, sizes, points, amounts of memory.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::Vec3;
+use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
+
+/// Names of a list of the catalogue.
+pub(super) fn named<T: Send + Sync>(entries: &'static [Entry<T>]) -> impl TypedValueParser<Value = &'static Entry<T>> {
+    PossibleValuesParser::new(entries.iter().map(|entry| PossibleValue::new(entry.name).help(entry.what)))
+        .map(|name| catalogue::find(entries, &name).expect("no other name passes the parser"))
+}
+
+/// What the walk of a reduced estimator does at a leaf: the estimator's name without what all have in common.
+pub(super) fn reduced_walk() -> impl TypedValueParser<Value = &'static Entry<Make>> {
+    let short = |entry: &'static Entry<Make>| entry.name.strip_prefix("reduced-").unwrap_or("leaf");
+    PossibleValuesParser::new(reduced_estimators().map(|entry| PossibleValue::new(short(entry)).help(entry.what)))
+        .map(move |name| reduced_estimators().find(|e| short(e) == name).expect("no other name passes the parser"))
+}
 
 pub(super) fn parse_fraction(text: &str) -> Result<f64, String> {
     let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));

@@ -2,12 +2,12 @@
 
 use super::LAYOUTS;
 use super::measure::{Row, SceneRows};
-use crate::chart::front::{self, Chart, Panel, Series};
-use crate::html::Page;
-use crate::table::{Table, grouped, seconds};
 use crate::tradeoff::{Setting, file_part};
 use anyhow::Result;
 use rt_balance::stats::{CONFIDENCE, Summary};
+use rt_report::chart::front::{self, Chart, Panel, Series};
+use rt_report::html::Page;
+use rt_report::table::{Table, grouped, seconds};
 use std::fmt::Write as _;
 
 /// How to read the tables.

@@ -4,13 +4,13 @@ mod estimators;
 mod measure;
 mod write;
 
+use super::Options;
 use super::Setting;
-use crate::args::TradeArgs;
-use crate::html::Page;
 use anyhow::Result;
+use rt_report::html::Page;
 
 /// Two streams, each beside plain ones, in tasks of every size.
-pub(super) fn passes(args: &TradeArgs) -> f64 {
+pub(super) fn passes(args: &Options) -> f64 {
     measure::passes(args.quick)
 }
 

@@ -1,8 +1,8 @@
 //! Measuring one device on one scene.
 
-use super::check_interrupt;
 use super::streams::Rays;
-use crate::experiment::in_kernel;
+use crate::Lab;
+use crate::subject::in_kernel;
 use anyhow::{Context, Result};
 use rt_balance::clock;
 use rt_balance::devices::Opened;
@@ -29,6 +29,7 @@ pub(crate) const WALKS: [(&str, Walk); 3] = [
 
 /// One device and one scene.
 pub(crate) struct Bench<'a> {
+    pub(crate) lab: Lab<'a>,
     pub(crate) named: &'a Opened,
     pub(crate) tree: Arc<Scene>,
     pub(crate) precision: Precision,
@@ -81,7 +82,7 @@ impl Bench<'_> {
             let mut samples = Samples { kind: rays.kind, rays: rays.source.len(), ..Samples::default() };
             // The first one compiles kernels and fills caches.
             for repetition in 0..=self.repeat {
-                check_interrupt()?;
+                self.lab.go_on()?;
                 if repetition == 1 {
                     samples = Samples { kind: samples.kind, rays: samples.rays, ..Samples::default() };
                 }

@@ -1,8 +1,8 @@
 //! The measurements: every configuration in turn, round after round.
 
-use crate::args::EstimateArgs;
-use crate::experiment::Subject;
+use crate::subject::Subject;
 use anyhow::{Context, Result};
+use rt_balance::catalogue::Estimator;
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::stats::Summary;
 use rt_balance::{QueueKind, Scheduling, Stream};
@@ -115,7 +115,7 @@ pub(crate) enum Devices {
 /// What to measure of a stream.
 pub(crate) struct Plan<'a> {
     pub(crate) where_to: Devices,
-    pub(crate) estimate: &'a EstimateArgs,
+    pub(crate) estimate: &'a Estimator,
     pub(crate) task_sizes: &'a [u32],
     pub(crate) repetitions: u32,
     pub(crate) seed: u32,
@@ -127,7 +127,7 @@ type Times = (f64, f64);
 impl Plan<'_> {
     /// Measures every task size and configuration in turn, round after round, so that a machine whose speed drifts
     /// slows all alike. One round before the first fills caches and calibrates the devices, and is not counted.
-    pub(crate) fn measure(&self, subject: &mut Subject, stream: &Stream, step: &dyn Fn()) -> Result<Panel> {
+    pub(crate) fn measure(&self, subject: &mut Subject<'_>, stream: &Stream, step: &dyn Fn()) -> Result<Panel> {
         let cut: Vec<Stream> = self.task_sizes.iter().map(|&rays| stream.clone().with_task_size(rays)).collect();
         let mut rounds: Vec<Vec<[Times; CONFIGS.len()]>> = vec![Vec::new(); cut.len()];
         let mut seeds = Vec::new();
@@ -163,11 +163,11 @@ impl Plan<'_> {
     }
 
     /// One run of each configuration; every round begins with another one, so that none is always first.
-    fn on_devices(&self, subject: &mut Subject, stream: &Stream, round: usize) -> Result<[Times; CONFIGS.len()]> {
+    fn on_devices(&self, subject: &mut Subject<'_>, stream: &Stream, round: usize) -> Result<[Times; CONFIGS.len()]> {
         let mut times = [(0.0, 0.0); CONFIGS.len()];
         for step in 0..CONFIGS.len() {
             let index = (round + step) % CONFIGS.len();
-            let report = subject.trace(stream, &mut self.scheduling(&CONFIGS[index])?)?.report;
+            let report = subject.trace(stream, &mut self.scheduling(&CONFIGS[index]))?.report;
             times[index] = (report.makespan_s, report.estimate.seconds);
         }
         Ok(times)
@@ -175,9 +175,9 @@ impl Plan<'_> {
 
     /// One run with the estimate, whose predictions are fitted to earlier rounds; one pass for the tasks' own times, to
     /// which nothing is fitted; and a replay of every configuration with both.
-    fn replayed(&self, subject: &mut Subject, stream: &Stream, count: usize) -> Result<[Times; CONFIGS.len()]> {
+    fn replayed(&self, subject: &mut Subject<'_>, stream: &Stream, count: usize) -> Result<[Times; CONFIGS.len()]> {
         // One task per launch, so that the cost of a launch is seen as well.
-        let run = subject.trace(stream, &mut self.scheduling(&CONFIGS[CENTRAL_COST])?)?;
+        let run = subject.trace(stream, &mut self.scheduling(&CONFIGS[CENTRAL_COST]))?;
         let reference = subject.balancer.reference(stream, 1)?;
         let task_s = reference.seconds.first().context("the device failed")?;
         let seen = Observed::of(&run);
@@ -195,12 +195,12 @@ impl Plan<'_> {
         }))
     }
 
-    fn scheduling(&self, config: &Config) -> Result<Scheduling> {
-        let estimator = if config.cost_initialised { self.estimate.estimator()? } else { Box::new(Uniform) };
+    fn scheduling(&self, config: &Config) -> Scheduling {
+        let estimator = if config.cost_initialised { self.estimate.make() } else { Box::new(Uniform) };
         let policy = config.policy.map(Dealt::policy);
         // The question is what an estimate gives, not whether it pays.
         let blind_excess = Some(1.0);
-        Ok(Scheduling { estimator, policy, queue: config.queue, blind_excess, ..Scheduling::default() })
+        Scheduling { estimator, policy, queue: config.queue, blind_excess, ..Scheduling::default() }
     }
 }
 

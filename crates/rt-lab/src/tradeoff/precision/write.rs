@@ -1,9 +1,9 @@
 //! What was measured, as CSV, as tables for the terminal and as a table for a report.
 
 use super::Row;
-use crate::table::{Table, grouped};
 use anyhow::Result;
 use rt_balance::stats::Summary;
+use rt_report::table::{Table, grouped};
 use rt_verify::accuracy::UlpErrors;
 use std::io::Write;
 

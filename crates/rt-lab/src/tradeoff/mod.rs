@@ -2,24 +2,24 @@
 
 mod build;
 mod layout;
-mod precision;
+pub mod precision;
 mod sampling;
 mod setting;
 mod streams;
-mod stretch;
 
-use crate::args::{CardArgs, PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
-use crate::experiment::{Machine, Subject, command_line};
-use crate::html::Page;
-use crate::interrupt;
+use crate::Lab;
+use crate::lab::open;
+use crate::stretch::Stretch;
+use crate::subject::Subject;
 use anyhow::{Result, bail};
 use rt_balance::Scheduling;
 use rt_core::Device;
+use rt_report::html::Page;
+use rt_report::{Machine, command_line, table};
 use setting::{Head, Setting, file_part};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use stretch::Stretch;
 
 /// Something to be traded, such as samples for accuracy.
 struct Trade {
@@ -27,7 +27,7 @@ struct Trade {
     /// Share of the time, relative to the other trades'.
     weight: f64,
     /// How many times about as many rays as a picture has pixels are traced in a round on a scene.
-    passes: fn(&TradeArgs) -> f64,
+    passes: fn(&Options) -> f64,
     run: fn(&Setting<'_>, &mut Page) -> Result<()>,
 }
 
@@ -58,15 +58,54 @@ const QUICK_SIZE: [u32; 2] = [320, 200];
 const REPEAT: u32 = 9;
 const QUICK_REPEAT: u32 = 2;
 
-pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
-    interrupt::watch();
-    let (common, chosen) = match &args.trade {
-        Some(TradeArg::Precision(own)) => return precision_alone(own),
-        None => (&args.common, None),
-        Some(TradeArg::Sampling(common)) => (common, Some("sampling")),
-        Some(TradeArg::Build(common)) => (common, Some("build")),
-        Some(TradeArg::Layout(common)) => (common, Some(LAYOUT)),
-    };
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Built-in scenes or OBJ files.
+    pub scenes: Vec<String>,
+    /// The device to measure, of the trade of layouts a list; `None`: one core, and every graphics card.
+    pub devices: Option<String>,
+    /// Size of the picture in pixels, one ray each; `None`: as suits the extent, smaller where a budget demands it.
+    pub size: Option<[u32; 2]>,
+    /// Rounds that count; `None`: as suits the extent.
+    pub repeat: Option<u32>,
+    /// Seconds that it may take; `None`: of all trades together as suits the extent, of one as long as it takes.
+    pub budget: Option<u32>,
+    /// Seed of samples, pixels and bounces.
+    pub seed: u32,
+    /// Small pictures, few settings and rounds: a look at the form, not a measurement.
+    pub quick: bool,
+    /// Folder of what is written.
+    pub out: PathBuf,
+}
+
+/// One trade that is measured alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Chosen {
+    /// Samples against accuracy.
+    Sampling,
+    /// Build time against rays per second.
+    Build,
+    /// Memory of the tree's layout against rays per second.
+    Layout,
+}
+
+impl Chosen {
+    const fn name(self) -> &'static str {
+        match self {
+            Self::Sampling => "sampling",
+            Self::Build => "build",
+            Self::Layout => LAYOUT,
+        }
+    }
+}
+
+/// Measures one trade, or without one all of them.
+///
+/// # Errors
+/// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
+pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()> {
+    let (common, chosen) = (options, chosen.map(Chosen::name));
     let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
     let (cards, mut left_out) = match chosen {
         None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
@@ -79,7 +118,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
         trades.retain(|trade| trade.name != LAYOUT);
         left_out.iter_mut().for_each(|reason| *reason = format!("The trade layout is left out: {reason}."));
     }
-    left_out.iter().for_each(|reason| println!("{reason}"));
+    left_out.iter().for_each(|reason| lab.show.print(reason));
     let devices = if chosen == Some(LAYOUT) { layout::one_each(&cards) } else { vec![one_device(common)?] };
 
     let seeds =
@@ -89,23 +128,23 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
     let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let stretch = Stretch::whole(budget.or(chosen.is_none().then_some(all)));
+    let stretch = Stretch::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
     let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
     for (index, trade) in trades.into_iter().enumerate() {
         let stretch = stretch.part(&weights, index);
         stretch.label(trade.name);
         let on = if trade.name == LAYOUT { &layout::one_each(&cards) } else { &devices };
-        let setting = setting(common, trade, (on, &cards), stretch)?;
+        let setting = setting(lab, common, trade, (on, &cards), stretch)?;
         (trade.run)(&setting, &mut page)?;
     }
     stretch.finish();
-    finish(&page, &common.out, begin)
+    finish(lab, &page, &common.out, begin)
 }
 
 /// The device that is named, or the usual one.
-fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
+fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
     let list = args.devices.as_deref().unwrap_or(DEVICE);
-    let mut devices = CardArgs::default().open(Some(list))?;
+    let mut devices = open(list)?;
     match (devices.pop(), devices.is_empty()) {
         (Some(device), true) => Ok(device),
         _ => {
@@ -116,10 +155,11 @@ fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
 
 /// How a trade is measured on some devices; `cards` are the same opened for each layout, where that is wanted.
 fn setting<'a>(
-    args: &'a TradeArgs,
+    lab: Lab<'a>,
+    args: &'a Options,
     trade: &Trade,
     (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
-    stretch: Stretch,
+    stretch: Stretch<'a>,
 ) -> Result<Setting<'a>> {
     let most = if args.quick { QUICK_SIZE } else { SIZE };
     let size = match (args.size, stretch.left()) {
@@ -127,7 +167,7 @@ fn setting<'a>(
         (None, None) => most,
         (None, Some(left)) => {
             let passes = (trade.passes)(args) * (args.scenes.len() * devices.len()) as f64;
-            size_within(left, passes / rays_per_second(args, devices)?, most)
+            size_within(left, passes / rays_per_second(lab, args, devices)?, most)
         }
     };
     let names: Vec<&str> = devices.iter().map(|device| device.info().name.as_str()).collect();
@@ -140,13 +180,13 @@ fn setting<'a>(
         seed: args.seed,
     };
     let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
-    Ok(Setting { args, devices, cards, size, repeat, stretch, head })
+    Ok(Setting { lab, args, devices, cards, size, repeat, stretch, head })
 }
 
 /// Rays that the devices trace in a second, together or in turn: of the first scene, primary and diffuse ones.
-fn rays_per_second(args: &TradeArgs, devices: &[Arc<dyn Device>]) -> Result<f64> {
+fn rays_per_second(lab: Lab<'_>, args: &Options, devices: &[Arc<dyn Device>]) -> Result<f64> {
     let Some(scene) = args.scenes.first() else { return Ok(f64::INFINITY) };
-    let mut subject = Subject::open(scene, &args.source, devices)?;
+    let mut subject = Subject::open(lab, scene, devices)?;
     let (mut rays, mut seconds) = (0.0, 0.0);
     for stream in &subject.streams(QUICK_SIZE, args.seed)? {
         let run = subject.trace(stream, &mut Scheduling::default())?;
@@ -172,28 +212,34 @@ fn size_within(time: Duration, seconds_per_pixel: f64, most: [u32; 2]) -> [u32; 
     most.map(|side| ((f64::from(side) * scale / 8.0).round() as u32 * 8).clamp(8, side.max(8)))
 }
 
-fn finish(page: &Page, out: &Path, begin: Instant) -> Result<()> {
+fn finish(lab: Lab<'_>, page: &Page, out: &Path, begin: Instant) -> Result<()> {
     page.write(&out.join("report.html"))?;
-    let all = crate::table::seconds(begin.elapsed().as_secs_f64());
-    println!("\n  measured in {all}, written to {}: tables, charts, raw numbers and report.html", out.display());
+    let all = table::seconds(begin.elapsed().as_secs_f64());
+    lab.show.print(&format!(
+        "\n  measured in {all}, written to {}: tables, charts, raw numbers and report.html",
+        out.display()
+    ));
     Ok(())
 }
 
-/// The precision trade by itself, which has options of its own.
-fn precision_alone(own: &PrecisionTradeoffArgs) -> Result<()> {
+/// Measures the trade of precisions alone, which has options of its own.
+///
+/// # Errors
+/// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
+pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let begin = Instant::now();
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
-    let stretch = Stretch::whole(None);
-    precision::run(own, &stretch, &mut page)?;
+    let stretch = Stretch::whole(lab.show, None);
+    precision::run(lab, own, &stretch, &mut page)?;
     stretch.finish();
-    finish(&page, &own.out, begin)
+    finish(lab, &page, &own.out, begin)
 }
 
 /// The precision trade as one of all.
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
-    let own = PrecisionTradeoffArgs { size: Some(setting.size), ..PrecisionTradeoffArgs::of(setting.args, DEVICE) };
-    precision::run(&own, &setting.stretch, page)
+    let own = precision::Options { size: Some(setting.size), ..precision::Options::of(setting.args, DEVICE) };
+    precision::run(setting.lab, &own, &setting.stretch, page)
 }
 
 #[cfg(test)]

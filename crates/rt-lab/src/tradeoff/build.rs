@@ -1,17 +1,18 @@
 //! `raybalance tradeoff build`: build time against rays per second, for every builder.
 
-use super::stretch::Stretch;
+use super::Options;
 use super::{Setting, file_part};
-use crate::args::TradeArgs;
-use crate::chart::front::{self, Chart, Panel, Series};
-use crate::experiment::{Subject, trace};
-use crate::html::Page;
-use crate::table::{Table, seconds};
+use crate::Lab;
+use crate::stretch::Stretch;
+use crate::subject::{Subject, trace};
 use anyhow::{Context, Result};
 use rt_balance::stats::Summary;
 use rt_balance::{Balancer, QueueKind, Scheduling, Stream};
 use rt_bvh::{BuildOptions, Builder, Mesh, TreeStats};
 use rt_core::Hit;
+use rt_report::chart::front::{self, Chart, Panel, Series};
+use rt_report::html::Page;
+use rt_report::table::{Table, seconds};
 use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
@@ -36,7 +37,7 @@ struct Row {
 }
 
 /// Builders, and two streams for each.
-pub(super) fn passes(args: &TradeArgs) -> f64 {
+pub(super) fn passes(args: &Options) -> f64 {
     2.0 * builders(args.quick).len() as f64
 }
 
@@ -70,8 +71,8 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     setting.write_json("build.json", &rows)
 }
 
-fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<Row>> {
-    let mut subject = Subject::open(scene, &setting.args.source, setting.devices)?;
+fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
+    let mut subject = Subject::open(setting.lab, scene, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
@@ -83,7 +84,7 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
     for round in stretch.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
-            let options = BuildOptions { builder, ..setting.args.source.options().build() };
+            let options = BuildOptions { builder, ..subject.options().build() };
             let built = rt_bvh::build(mesh, &options).with_context(|| format!("building {scene} by {builder}"))?;
             let build_s = begin.elapsed().as_secs_f64();
             if round == 0 {
@@ -102,7 +103,7 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
                 balancers.push(Balancer::new(built.scene, setting.devices)?);
             }
             for (stream, mrays) in streams.iter().zip(&mut rows[index].mrays) {
-                let speed = speed(&mut balancers[index], stream, &mut hits)?;
+                let speed = speed(setting.lab, &mut balancers[index], stream, &mut hits)?;
                 if round > 0 {
                     mrays.push(speed);
                 }
@@ -121,12 +122,12 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
 }
 
 /// Million rays per second of a plain trace.
-fn speed(balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<Hit>) -> Result<f64> {
+fn speed(lab: Lab<'_>, balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<Hit>) -> Result<f64> {
     if stream.source.is_empty() {
         return Ok(f64::NAN);
     }
     let mut plain = Scheduling { estimator: Box::new(Uniform), queue: QueueKind::Static, ..Scheduling::default() };
-    let run = trace(balancer, stream, &mut plain, hits)?;
+    let run = trace(lab, balancer, stream, &mut plain, hits)?;
     Ok(f64::from(run.report.rays) / run.report.makespan_s / 1e6)
 }
 
@@ -162,7 +163,7 @@ fn table(rows: &[Row]) -> Table {
         table.row(vec![
             row.scene.clone(),
             row.builder.to_owned(),
-            crate::table::grouped(row.triangles as u64),
+            rt_report::table::grouped(row.triangles as u64),
             format!("{} ({}–{})", seconds(row.build.median), seconds(row.build.low), seconds(row.build.high)),
             speed(&row.primary),
             speed(&row.diffuse),

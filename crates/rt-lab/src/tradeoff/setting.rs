@@ -1,19 +1,21 @@
 //! How the trades are measured, and how what they find is written.
 
+use super::Options;
 use super::layout::Card;
-use super::stretch::Stretch;
-use crate::args::TradeArgs;
-use crate::experiment::Machine;
-use crate::output::write_atomically;
+use crate::Lab;
+use crate::stretch::Stretch;
 use anyhow::Result;
 use rt_core::Device;
+use rt_report::Machine;
+use rt_report::output::write_atomically;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
 
 /// How a trade is measured.
 pub(super) struct Setting<'a> {
-    pub(super) args: &'a TradeArgs,
+    pub(super) lab: Lab<'a>,
+    pub(super) args: &'a Options,
     /// What is measured by the trades that need one device.
     pub(super) devices: &'a [Arc<dyn Device>],
     /// What is measured by the trade that needs a choice of layouts.
@@ -21,7 +23,7 @@ pub(super) struct Setting<'a> {
     pub(super) size: [u32; 2],
     pub(super) repeat: u32,
     /// The trade's part of the time and of the bar.
-    pub(super) stretch: Stretch,
+    pub(super) stretch: Stretch<'a>,
     pub(super) head: Head,
 }
 

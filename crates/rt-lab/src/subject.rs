@@ -1,32 +1,30 @@
-//! What measuring commands share: a scene on devices, its streams, the machine.
+//! What experiments share: a scene on devices, and its streams.
 
-pub(crate) use rt_report::{Machine, command_line};
-
-use crate::args::SceneArgs;
-use crate::interrupt;
-use anyhow::{Context, Result, bail};
+use crate::Lab;
+use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::{Device, Hit, Scene, Span};
 use rt_scene::Model;
-use rt_scene::prepare::Prepared;
+use rt_scene::prepare::{Options, Prepared};
 use rt_scene::streams::{PathStream, Wave};
 use std::sync::Arc;
 
 /// A scene on devices, ready for repeated measurements.
-pub(crate) struct Subject {
+pub(crate) struct Subject<'a> {
+    lab: Lab<'a>,
     pub(crate) balancer: Balancer,
     prepared: Prepared,
     /// Results are thrown away, but written as in any run.
     hits: Vec<Hit>,
 }
 
-impl Subject {
+impl<'a> Subject<'a> {
     /// Loads the scene and brings it to the devices.
-    pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
-        let prepared = source.prepare(scene)?;
+    pub(crate) fn open(lab: Lab<'a>, scene: &str, devices: &[Arc<dyn Device>]) -> Result<Self> {
+        let prepared = (lab.scenes)(scene)?;
         let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
-        Ok(Self { balancer, prepared, hits: Vec::new() })
+        Ok(Self { lab, balancer, prepared, hits: Vec::new() })
     }
 
     /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
@@ -43,7 +41,7 @@ impl Subject {
 
     /// Traces a stream once.
     pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
-        trace(&mut self.balancer, stream, scheduling, &mut self.hits)
+        trace(self.lab, &mut self.balancer, stream, scheduling, &mut self.hits)
     }
 
     /// Short name.
@@ -54,6 +52,11 @@ impl Subject {
     /// The scene with its tree.
     pub(crate) fn scene(&self) -> &Scene {
         &self.prepared.built.scene
+    }
+
+    /// How it was prepared.
+    pub(crate) fn options(&self) -> &Options {
+        &self.prepared.options
     }
 
     /// The triangles.
@@ -69,17 +72,16 @@ impl Subject {
 
 /// Traces a stream once; the hits are left in `hits`, whatever it held before.
 pub(crate) fn trace(
+    lab: Lab<'_>,
     balancer: &mut Balancer,
     stream: &Stream,
     scheduling: &mut Scheduling,
     hits: &mut Vec<Hit>,
 ) -> Result<StreamRun> {
-    if interrupt::requested() {
-        bail!("interrupted");
-    }
+    lab.go_on()?;
     hits.clear();
     hits.resize(stream.source.len() as usize, Hit::MISS);
-    let control = Control { cancel: Some(interrupt::flag()), progress: None };
+    let control = Control { cancel: Some(lab.stop), progress: None };
     Ok(balancer.trace(stream, scheduling, hits, None, control)?)
 }
 

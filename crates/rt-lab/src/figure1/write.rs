@@ -2,29 +2,31 @@
 
 use super::Results;
 use super::measure::{BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, Panel, ROUND_ROBIN, STATIC_COST, Series, Size};
-use crate::chart::figure1::{self, Bar, Figure, Group};
-use crate::html::Page;
-use crate::output::write_atomically;
-use crate::table::{self, Table, grouped};
+use crate::Lab;
 use anyhow::Result;
+use rt_report::chart::figure1::{self, Bar, Figure, Group};
+use rt_report::html::Page;
+use rt_report::output::write_atomically;
+use rt_report::table::{self, Table, grouped};
 use std::fmt::Write as _;
 use std::path::Path;
 
-pub(super) fn all(out: &Path, results: &Results) -> Result<()> {
+pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
     let figure = figure(results);
     figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure)?;
     let csv = csv(results);
     write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
     write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
     page(results, &figure)?.write(&out.join("report.html"))?;
-    println!("{}", figure.title);
+    let mut text = format!("{}\n", figure.title);
     for note in &figure.notes {
-        println!("  {note}");
+        let _ = writeln!(text, "  {note}");
     }
     for panel in &results.panels {
-        println!("\n{}\n{}", panel.title(), panel.table());
+        let _ = writeln!(text, "\n{}\n{}", panel.title(), panel.table());
     }
-    println!("  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display());
+    let _ = write!(text, "  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display());
+    lab.show.print(&text);
     Ok(())
 }
 

@@ -3,20 +3,21 @@
 mod write;
 
 use super::streams::{Kind, STREAMS, launch, reference, streams};
-use super::stretch::Stretch;
-use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
-use crate::chart::precision::{self as chart, Front, Point};
-use crate::html::Page;
-use crate::table::percent;
-use crate::{interrupt, output};
-use anyhow::{Context, Result, bail};
-use rt_balance::devices::Opened;
+use crate::stretch::Stretch;
+use crate::{DEFAULT_SCENES, Lab};
+use anyhow::{Context, Result};
+use rt_balance::devices::{Opened, Opener};
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
+use rt_report::chart::precision::{self as chart, Front, Point};
+use rt_report::html::Page;
+use rt_report::output;
+use rt_report::table::percent;
 use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -42,7 +43,7 @@ struct Report {
     seed: u32,
     runs: u32,
     size: [u32; 2],
-    builder: String,
+    builder: &'static str,
     rows: Vec<Row>,
 }
 
@@ -72,22 +73,65 @@ struct Row {
 }
 
 /// Five kinds of rays, with each precision.
-pub(super) fn passes(_: &TradeArgs) -> f64 {
+pub(super) fn passes(_: &super::Options) -> f64 {
     (STREAMS * PRECISIONS.len()) as f64
 }
 
+/// What to measure.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Built-in scenes or OBJ files; none: [`DEFAULT_SCENES`].
+    pub scenes: Vec<String>,
+    /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
+    pub devices: String,
+    /// Fewer rays and runs: a look, not a measurement.
+    pub quick: bool,
+    /// Runs of each precision; `None`: as suits the extent.
+    pub runs: Option<u32>,
+    /// Size of the picture whose rays are traced, in pixels; `None`: as suits the extent.
+    pub size: Option<[u32; 2]>,
+    /// Rays of each stream that the exact reference judges; `None`: as suits the extent.
+    pub sample: Option<u32>,
+    /// Seed of the rays.
+    pub seed: u32,
+    /// Folder of what is written.
+    pub out: PathBuf,
+}
+
+impl Options {
+    /// What suits the options of all trades together; `device` is measured unless another one is named.
+    pub(super) fn of(all: &super::Options, device: &str) -> Self {
+        Self {
+            scenes: all.scenes.clone(),
+            devices: all.devices.as_deref().unwrap_or(device).to_owned(),
+            quick: all.quick,
+            runs: all.repeat,
+            size: all.size,
+            sample: None,
+            seed: all.seed,
+            out: all.out.clone(),
+        }
+    }
+
+    /// Size of the picture, number of runs and of sampled rays.
+    fn effort(&self) -> ([u32; 2], u32, u32) {
+        let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
+        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
+    }
+}
+
 /// Measures and adds a section to the page.
-pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Page) -> Result<()> {
+pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mut Page) -> Result<()> {
     stretch.label("precision");
-    let names = if args.scenes.is_empty() { vec!["yard".to_owned(), "car".to_owned()] } else { args.scenes.clone() };
-    let devices = CardArgs::default().open_in_turn(Some(&args.backend))?;
+    let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
+    let devices = Opener::new().open_in_turn(&args.devices).context("--devices")?;
     let (size, runs, sample) = args.effort();
-    let mut rows = Vec::new();
+    let (mut rows, mut builder) = (Vec::new(), "");
     for (index, name) in names.iter().enumerate() {
-        let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
         let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { prepared: source.prepare(name)?, size, runs, sample, seed: args.seed, stretch };
+        let bench = Bench { lab, prepared: (lab.scenes)(name)?, size, runs, sample, seed: args.seed, stretch };
         bench.measure(&devices, &mut rows)?;
+        builder = bench.prepared.options.builder.name();
     }
 
     let report = Report {
@@ -97,7 +141,7 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Pa
         seed: args.seed,
         runs,
         size,
-        builder: args.builder.to_string(),
+        builder,
         rows,
     };
     let json = args.out.join("precision.json");
@@ -140,17 +184,18 @@ fn notes(rows: &[Row], devices: &[Opened]) -> Vec<String> {
 }
 
 /// One scene and how it is measured.
-struct Bench {
+struct Bench<'a> {
+    lab: Lab<'a>,
     prepared: Prepared,
     size: [u32; 2],
     runs: u32,
     /// Rays of each stream that the exact reference judges.
     sample: u32,
     seed: u32,
-    stretch: Stretch,
+    stretch: Stretch<'a>,
 }
 
-impl Bench {
+impl Bench<'_> {
     fn measure(&self, devices: &[Opened], rows: &mut Vec<Row>) -> Result<()> {
         let model = &self.prepared.model;
         let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
@@ -186,7 +231,7 @@ impl Bench {
     }
 
     /// How many rays the exact reference can judge in a third of the time.
-    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch) -> u32 {
+    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch<'_>) -> u32 {
         let Some(left) = stretch.left() else { return self.sample };
         let (rays, _) = sampled(&kind.source, &[], TRIED.min(self.sample));
         let begin = Instant::now();
@@ -198,7 +243,7 @@ impl Bench {
     }
 
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch) -> Result<[Timed; 3]> {
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch<'_>) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
         let mut timed = [(); 3].map(|()| Timed::default());
@@ -206,9 +251,7 @@ impl Bench {
         for round in stretch.rounds(self.runs) {
             let round = round as usize;
             for turn in 0..PRECISIONS.len() {
-                if interrupt::requested() {
-                    bail!("interrupted");
-                }
+                self.lab.go_on()?;
                 // Rotated, and every other round backwards: each precision follows each other one equally often.
                 let place = if round.is_multiple_of(2) { turn } else { PRECISIONS.len() - 1 - turn };
                 let which = (round / 2 + place) % PRECISIONS.len();

@@ -1,9 +1,9 @@
 //! What `bench` tells: tables for people, and JSON with every single measurement (described in docs/bench.md).
 
 use super::measure::{Measured, QUEUED, Samples, WALKS};
-use crate::table::{Table, grouped, percent, seconds};
 use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary, ratios};
+use rt_report::table::{Table, grouped, percent, seconds};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;

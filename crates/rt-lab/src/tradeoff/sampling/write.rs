@@ -2,12 +2,12 @@
 
 use super::estimators::PAPERS;
 use super::measure::{COUNTS, Cell, EXCESS_OF_3, METRICS, OVERHEAD, TIME};
-use crate::chart::front::{self, Chart, Panel, Series};
-use crate::html::Page;
-use crate::table::{Table, grouped};
 use crate::tradeoff::{Setting, file_part};
 use anyhow::Result;
 use rt_balance::DEFAULT_TASK_SIZE;
+use rt_report::chart::front::{self, Chart, Panel, Series};
+use rt_report::html::Page;
+use rt_report::table::{Table, grouped};
 use std::fmt::Write as _;
 
 /// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares. 12.5%

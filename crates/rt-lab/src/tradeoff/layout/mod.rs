@@ -7,13 +7,13 @@
 mod measure;
 mod write;
 
+use super::Options;
 use super::Setting;
-use crate::args::TradeArgs;
-use crate::html::Page;
 use anyhow::{Context, Result};
 use rt_balance::devices::{self, CardOptions, Opener};
 use rt_balance::vulkan::{Layout, Layouts};
 use rt_core::Device;
+use rt_report::html::Page;
 use std::sync::Arc;
 
 /// The layouts, in the order of rows and of [`Card::devices`]: their names, and how a card is told to trace over them.
@@ -27,7 +27,7 @@ pub(super) struct Card {
 }
 
 /// Four kinds of rays, over both layouts.
-pub(super) fn passes(_: &TradeArgs) -> f64 {
+pub(super) fn passes(_: &Options) -> f64 {
     4.0 * LAYOUTS.len() as f64
 }
 

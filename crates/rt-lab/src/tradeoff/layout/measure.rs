@@ -1,12 +1,12 @@
 //! Both layouts of a scene, made and traced in turn.
 
 use super::{Card, LAYOUTS};
-use crate::experiment::in_kernel;
-use crate::interrupt;
+use crate::Lab;
+use crate::stretch::Stretch;
+use crate::subject::in_kernel;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
-use crate::tradeoff::stretch::Stretch;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_balance::stats::Summary;
 use rt_bvh::{Mesh, Stack, WideTree};
@@ -71,8 +71,8 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> Result<SceneRows> {
-    let prepared = setting.args.source.prepare(name)?;
+pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch<'_>) -> Result<SceneRows> {
+    let prepared = (setting.lab.scenes)(name)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -110,7 +110,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> R
         for kind in &kinds {
             for tracers in &mut tracers {
                 let Some(pair) = pairs.next() else { break };
-                trace(pair, tracers, kind, round, prepared.precision)
+                trace(setting.lab, pair, tracers, kind, round, prepared.precision)
                     .with_context(|| format!("{} rays on {}", kind.name, pair[0].entry))?;
                 pair.iter().for_each(|_| stretch.step());
             }
@@ -140,13 +140,18 @@ fn make(prepared: &Prepared) -> Result<[f64; 2]> {
 }
 
 /// Traces one stream over both layouts, in changing order. The first round, which compiles kernels, is not counted.
-fn trace(pair: &mut [Row], tracers: &mut Tracers, kind: &Kind, round: u32, precision: Precision) -> Result<()> {
+fn trace(
+    lab: Lab<'_>,
+    pair: &mut [Row],
+    tracers: &mut Tracers,
+    kind: &Kind,
+    round: u32,
+    precision: Precision,
+) -> Result<()> {
     let spec = StreamSpec { query: kind.query, precision, counts: false };
     let mut hits = [(); 2].map(|()| Vec::new());
     for turn in 0..LAYOUTS.len() {
-        if interrupt::requested() {
-            bail!("interrupted");
-        }
+        lab.go_on()?;
         let layout = (turn + round as usize) % LAYOUTS.len();
         let launch = launch(tracers[layout].as_mut(), &kind.source, spec)?;
         if round > 0 {

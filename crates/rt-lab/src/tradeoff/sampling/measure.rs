@@ -1,9 +1,9 @@
 //! The sweep: every setting in turn, round after round.
 
 use super::estimators::{KINDS, Kind};
-use crate::experiment::Subject;
+use crate::stretch::Stretch;
+use crate::subject::Subject;
 use crate::tradeoff::Setting;
-use crate::tradeoff::stretch::Stretch;
 use anyhow::{Context, Result};
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::report::{ErrorReport, StreamRun};
@@ -118,8 +118,8 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &str, stretch: &Stretch) -> Result<(Vec<Cell>, Vec<&'static str>)> {
-        let mut subject = Subject::open(scene, &self.setting.args.source, self.setting.devices)?;
+    pub(super) fn measure(&self, scene: &str, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+        let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
         let tries = tries(&offered, self.fractions);
@@ -178,11 +178,11 @@ impl<'a> Sweep<'a> {
     /// One round on one stream: the regular settings, then every try, each beside a plain run.
     fn round(
         &self,
-        subject: &mut Subject,
+        subject: &mut Subject<'_>,
         stream: &Stream,
         tries: &[Try<'_>],
         round: usize,
-        stretch: &Stretch,
+        stretch: &Stretch<'_>,
     ) -> Result<Vec<([f64; 3], Sample)>> {
         let reference = subject.balancer.reference(stream, 1)?;
         let task_s = reference.seconds.first().context("the device failed")?;
@@ -210,7 +210,7 @@ impl<'a> Sweep<'a> {
 /// Estimators whose walk every device has, and the names of the others: graphics cards lack walks that need tables.
 fn offered(
     devices: &[Arc<dyn Device>],
-    subject: &Subject,
+    subject: &Subject<'_>,
     streams: &[Stream],
 ) -> Result<(Vec<&'static Kind>, Vec<&'static str>)> {
     let Some(stream) = streams.iter().find(|stream| !stream.source.is_empty()) else {
@@ -244,7 +244,7 @@ fn tries(kinds: &[&'static Kind], fractions: &[f64]) -> Vec<Try<'static>> {
     tries
 }
 
-fn run(subject: &mut Subject, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
+fn run(subject: &mut Subject<'_>, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
     // One device has nothing to gain; the virtual ones do.
     subject.trace(stream, &mut Scheduling { estimator, blind_excess: Some(1.0), ..Scheduling::default() })
 }

@@ -103,19 +103,13 @@ fn filled(paths: &Paths, wave: &Wave, hits: &[Hit], count: u32) -> [RaySource; 2
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::SceneArgs;
-
-    #[derive(clap::Parser)]
-    struct Arguments {
-        #[command(flatten)]
-        source: SceneArgs,
-    }
+    use crate::DEFAULT_BUILDER;
+    use rt_scene::prepare::{Options, prepare};
 
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
-        let arguments = <Arguments as clap::Parser>::parse_from(["bench"]);
-        let prepared = arguments.source.prepare("car").unwrap();
+        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut |_| {}).unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
         let rays = scene.streams(1000, 1).unwrap();
         assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);
