@@ -213,10 +213,7 @@ struct Naming {
 
 impl Naming {
     fn of(runs: &[StreamRun]) -> Self {
-        Self {
-            frames: runs.iter().any(|run| run.report.frame > 0),
-            waves: runs.iter().any(|run| run.report.wave > 0),
-        }
+        Self { frames: runs.iter().any(|run| run.report.frame > 0), waves: runs.iter().any(|run| run.report.wave > 0) }
     }
 
     fn of_stream(&self, report: &StreamReport) -> String {

@@ -166,10 +166,8 @@ impl CostMap {
         let canvas_width = 3 * MARGIN + 2 * slot;
         let mut canvas = Canvas::new(canvas_width, TITLES + height + LEGEND, PAPER)?;
         canvas.text("Cost per primary ray (estimate scaled to the measured total)", MARGIN, 32, 21.0, Align::Left, INK);
-        let panels: [(&str, &[(f32, u32)], fn(&Cell) -> Mean); 2] = [
-            ("estimated", &self.estimated, |cell| cell.estimated),
-            ("measured", &self.measured, |cell| cell.measured),
-        ];
+        let panels: [(&str, &[(f32, u32)], fn(&Cell) -> Mean); 2] =
+            [("estimated", &self.estimated, |cell| cell.estimated), ("measured", &self.measured, |cell| cell.measured)];
         for (index, (name, costs, mean)) in panels.into_iter().enumerate() {
             let left = MARGIN + index as u32 * (slot + MARGIN);
             canvas.text(&title(name, costs, &scale), left, TITLES - 10, 15.0, Align::Left, INK);
