@@ -66,7 +66,7 @@ impl Logical {
         let functions = instance.raw();
         // SAFETY: `physical` is of this instance.
         let limits = unsafe { functions.get_physical_device_properties(physical) }.limits;
-        // SAFETY: likewise.
+        // SAFETY: `physical` is of this instance.
         let families = unsafe { functions.get_physical_device_queue_family_properties(physical) };
         let family = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
         let family = family.ok_or_else(|| OpenError::Refused {
