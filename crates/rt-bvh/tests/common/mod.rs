@@ -55,6 +55,12 @@ impl Model {
         self
     }
 
+    /// Each triangle so many times.
+    pub(crate) fn repeated(mut self, times: usize) -> Self {
+        self.indices = self.indices.repeat(times);
+        self
+    }
+
     /// The nearest hit by testing every triangle.
     pub(crate) fn brute(&self, ray: &Ray, excluded: u32) -> Hit {
         let mut best = Hit::MISS;
