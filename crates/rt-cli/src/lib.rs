@@ -4,7 +4,6 @@
 mod args;
 mod balance;
 mod bench;
-mod devices;
 mod experiment;
 mod figure1;
 mod frame;

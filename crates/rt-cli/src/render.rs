@@ -5,7 +5,7 @@ use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::scene_source::{Prepared, prepare};
 use crate::shade::{Light, exposure};
-use crate::{chart, devices, html, image, interrupt, output, table};
+use crate::{chart, html, image, interrupt, output, table};
 use anyhow::{Context, Result, bail};
 use glam::Vec3;
 use rt_balance::Balancer;
@@ -27,7 +27,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let prepared = prepare(args.scene.as_deref().unwrap_or("yard"), &args.source)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
     let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
     let setup = begin.elapsed().as_secs_f64();

@@ -3,7 +3,7 @@
 use crate::args::TraceArgs;
 use crate::report::{Report, SCHEMA, Seconds};
 use crate::scene_source::prepare;
-use crate::{devices, interrupt, npy, progress, render, table};
+use crate::{interrupt, npy, progress, render, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
@@ -17,7 +17,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let rays = npy::read_rays(&args.rays)?;
     let prepared = prepare(&args.scene, &args.source)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
