@@ -4,29 +4,23 @@
 mod args;
 mod balance;
 mod bench;
-pub mod chart;
-mod devices;
 mod experiment;
 mod figure1;
 mod frame;
-mod html;
-pub mod image;
 mod interrupt;
 mod list;
 pub mod npy;
-pub mod output;
 mod progress;
 mod render;
-mod report;
-mod scene_source;
+mod scene;
 mod shade;
-mod table;
 mod trace;
 mod tradeoff;
 mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
+use rt_report::{chart, html, image, output, report, table};
 use std::process::ExitCode;
 
 /// Exit code after Ctrl-C, as shells use it: 128 + SIGINT.

@@ -4,9 +4,9 @@
 //! security policy forbids the browser to fetch anything else.
 
 mod cost_map;
-pub(crate) mod render;
+pub mod render;
 
-use crate::experiment::Machine;
+use crate::Machine;
 use crate::output::write_atomically;
 use crate::table::Table;
 use anyhow::Result;
@@ -19,7 +19,7 @@ const SCRIPT: &str = include_str!("page.js");
 
 /// A page in the making.
 #[derive(Debug)]
-pub(crate) struct Page {
+pub struct Page {
     title: String,
     command: String,
     machine: String,
@@ -31,7 +31,8 @@ pub(crate) struct Page {
 
 impl Page {
     /// An empty page; `seeds` says in a sentence what random numbers were used.
-    pub(crate) fn new(title: &str, command: &str, machine: &Machine, seeds: &str) -> Self {
+    #[must_use]
+    pub fn new(title: &str, command: &str, machine: &Machine, seeds: &str) -> Self {
         Self {
             title: title.to_owned(),
             command: command.to_owned(),
@@ -43,19 +44,19 @@ impl Page {
     }
 
     /// Begins a section; what is added later belongs to it.
-    pub(crate) fn section(&mut self, heading: &str) {
+    pub fn section(&mut self, heading: &str) {
         let id = format!("section-{}", self.sections.len() + 1);
         let _ = writeln!(self.body, "<h2 id=\"{id}\">{}</h2>", escaped(heading));
         self.sections.push((id, heading.to_owned()));
     }
 
     /// Adds a paragraph.
-    pub(crate) fn paragraph(&mut self, text: &str) {
+    pub fn paragraph(&mut self, text: &str) {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
     /// Adds a chart; `alt` says what it shows to those who cannot see it.
-    pub(crate) fn chart(&mut self, svg: &str, alt: &str, caption: &str) {
+    pub fn chart(&mut self, svg: &str, alt: &str, caption: &str) {
         let (alt, caption) = (escaped(alt), escaped(caption));
         // A role and a name make a picture of what a screen reader would spell out number by number. The scrolled box
         // can be reached by keyboard.
@@ -68,7 +69,7 @@ impl Page {
     }
 
     /// Adds a picture from the bytes of a PNG file.
-    pub(crate) fn picture(&mut self, png: &[u8], alt: &str) {
+    pub fn picture(&mut self, png: &[u8], alt: &str) {
         let _ = writeln!(
             self.body,
             "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\"></figure>",
@@ -78,7 +79,7 @@ impl Page {
     }
 
     /// Adds a table.
-    pub(crate) fn table(&mut self, caption: &str, table: &Table) {
+    pub fn table(&mut self, caption: &str, table: &Table) {
         let _ = write!(
             self.body,
             "<div class=\"table\" tabindex=\"0\" role=\"group\" aria-label=\"{}\"><table>",
@@ -98,7 +99,7 @@ impl Page {
     }
 
     /// Adds a table so long that it is shown on request.
-    pub(crate) fn folded_table(&mut self, caption: &str, table: &Table) {
+    pub fn folded_table(&mut self, caption: &str, table: &Table) {
         let _ = writeln!(self.body, "<details><summary>{}</summary>", escaped(caption));
         self.table(caption, table);
         let _ = writeln!(self.body, "</details>");
@@ -110,7 +111,8 @@ impl Page {
     }
 
     /// The whole page.
-    pub(crate) fn to_html(&self) -> String {
+    #[must_use]
+    pub fn to_html(&self) -> String {
         let link = |(id, heading): &(String, String)| format!("<a href=\"#{id}\">{}</a> ", escaped(heading));
         let value = |name: &str| match name {
             "TITLE" => escaped(&self.title),
@@ -138,7 +140,7 @@ impl Page {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         let html = self.to_html();
         write_atomically(path, |out| Ok(out.write_all(html.as_bytes())?))
     }

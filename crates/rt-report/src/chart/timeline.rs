@@ -46,7 +46,10 @@ pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
 }
 
 /// The chart of a run as an SVG document.
-pub(crate) fn draw(runs: &[StreamRun]) -> Result<String> {
+///
+/// # Errors
+/// When it cannot be drawn.
+pub fn draw(runs: &[StreamRun]) -> Result<String> {
     let shown = longest(runs);
     let panels: Vec<Panel<'_>> = shown.iter().map(|run| Panel::new(run)).collect();
     let height = HEADER + panels.iter().map(Panel::height).sum::<f64>() + MARGIN;

@@ -5,26 +5,31 @@ use std::fmt::Write;
 
 /// Rows of cells under a header; every column as wide as its widest cell, words to the left and numbers to the right.
 #[derive(Debug)]
-pub(crate) struct Table {
+pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    pub(crate) fn new(header: &[&str]) -> Self {
+    /// A table with nothing but its header.
+    #[must_use]
+    pub fn new(header: &[&str]) -> Self {
         Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
     }
 
-    pub(crate) fn row(&mut self, cells: Vec<String>) {
+    /// Adds a row.
+    pub fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
 
     /// The header, then the rows.
-    pub(crate) fn rows(&self) -> &[Vec<String>] {
+    #[must_use]
+    pub fn rows(&self) -> &[Vec<String>] {
         &self.rows
     }
 
     /// Whether a column holds words, which are set to the left.
-    pub(crate) fn is_words(&self, column: usize) -> bool {
+    #[must_use]
+    pub fn is_words(&self, column: usize) -> bool {
         let cells = self.rows.iter().skip(1).filter_map(|row| row.get(column));
         let mut body = cells.filter(|cell| !cell.is_empty()).peekable();
         body.peek().is_some() && body.all(|cell| cell.starts_with(char::is_alphabetic))
@@ -33,7 +38,8 @@ impl Table {
 
 impl Table {
     /// The table in Markdown.
-    pub(crate) fn to_markdown(&self) -> String {
+    #[must_use]
+    pub fn to_markdown(&self) -> String {
         let mut text = String::new();
         for (index, row) in self.rows.iter().enumerate() {
             // A bar would end the cell.
@@ -72,7 +78,8 @@ impl std::fmt::Display for Table {
 }
 
 /// Seconds in the unit that reads best.
-pub(crate) fn seconds(s: f64) -> String {
+#[must_use]
+pub fn seconds(s: f64) -> String {
     match s {
         s if s >= 10.0 => format!("{s:.1} s"),
         s if s >= 1.0 => format!("{s:.2} s"),
@@ -82,12 +89,14 @@ pub(crate) fn seconds(s: f64) -> String {
 }
 
 /// A share as a percentage; a dash where unknown.
-pub(crate) fn percent(share: Option<f64>) -> String {
+#[must_use]
+pub fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| "–".to_owned(), |share| format!("{:.1}%", 100.0 * share))
 }
 
 /// A whole number with thin groups of three.
-pub(crate) fn grouped(n: u64) -> String {
+#[must_use]
+pub fn grouped(n: u64) -> String {
     let digits = n.to_string();
     let mut out = String::new();
     for (i, digit) in digits.chars().enumerate() {
@@ -100,12 +109,14 @@ pub(crate) fn grouped(n: u64) -> String {
 }
 
 /// What was balanced, stream by stream, and what each device did.
-pub(crate) fn streams(runs: &[StreamRun]) -> String {
+#[must_use]
+pub fn streams(runs: &[StreamRun]) -> String {
     format!("{}\n{}", stream_table(runs), device_table(runs))
 }
 
 /// How each stream was balanced.
-pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
+#[must_use]
+pub fn stream_table(runs: &[StreamRun]) -> Table {
     let mut streams = Table::new(&[
         "stream",
         "rays",
@@ -143,7 +154,8 @@ pub(crate) fn stream_table(runs: &[StreamRun]) -> Table {
 }
 
 /// Sums over all streams for each device.
-pub(crate) fn device_table(runs: &[StreamRun]) -> Table {
+#[must_use]
+pub fn device_table(runs: &[StreamRun]) -> Table {
     let mut table =
         Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host", "fit"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());

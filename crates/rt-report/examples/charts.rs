@@ -1,9 +1,9 @@
-//! Writes every kind of chart and picture from made-up data, to look at them: `cargo run -p rt-cli --example charts`.
+//! Writes every kind of chart and picture from made-up data, to look at them: `cargo run -p rt-report --example charts`.
 
 use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
-use rt_cli::chart::{cost, timeline, trace};
 use rt_core::{StreamKind, Task};
+use rt_report::chart::{cost, timeline, trace};
 use std::path::Path;
 
 fn main() -> anyhow::Result<()> {
@@ -167,5 +167,5 @@ fn spheres(path: &Path) -> anyhow::Result<()> {
             image.push(colors[row] * inside * 2.0_f32.powi(column as i32 - 3));
         }
     }
-    rt_cli::image::write_png(path, width as u32, height as u32, &image)
+    rt_report::image::write_png(path, width as u32, height as u32, &image)
 }

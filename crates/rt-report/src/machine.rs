@@ -6,22 +6,23 @@ use std::fmt;
 
 /// The machine and the program, as far as timings depend on them.
 #[derive(Clone, Debug, Serialize)]
-pub(crate) struct Machine {
+pub struct Machine {
     /// The processor's own name; empty where the system does not tell.
-    pub(crate) processor: String,
+    pub processor: String,
     /// Cores that this process may use.
-    pub(crate) cores: usize,
+    pub cores: usize,
     /// Operating system and instruction set.
-    pub(crate) system: String,
+    pub system: String,
     /// Version of raybalance.
-    pub(crate) version: &'static str,
+    pub version: &'static str,
     /// `release` or `debug`: timings of the latter mean nothing.
-    pub(crate) build: &'static str,
+    pub build: &'static str,
 }
 
 impl Machine {
     /// This machine.
-    pub(crate) fn this() -> Self {
+    #[must_use]
+    pub fn this() -> Self {
         // Linux only; elsewhere the name stays empty.
         let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let field =
@@ -46,4 +47,14 @@ impl fmt::Display for Machine {
             self.cores, self.system, self.version, self.build
         )
     }
+}
+
+/// The command line as one would type it.
+#[must_use]
+pub fn command_line() -> String {
+    let words = std::env::args().skip(1).map(|word| {
+        let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
+        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    });
+    std::iter::once("raybalance".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }

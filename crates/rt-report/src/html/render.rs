@@ -3,9 +3,8 @@
 use super::Page;
 use super::cost_map::{CostMap, Wave};
 use crate::chart::{scatter, timeline};
-use crate::experiment::{Machine, command_line};
 use crate::report::Report;
-use crate::table;
+use crate::{Machine, command_line, table};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
@@ -13,18 +12,24 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What the page shows.
-pub(crate) struct Rendered<'a> {
-    pub(crate) report: &'a Report,
-    pub(crate) runs: &'a [StreamRun],
+#[derive(Debug)]
+pub struct Rendered<'a> {
+    /// The numbers.
+    pub report: &'a Report,
+    /// The streams, in the order of the report.
+    pub runs: &'a [StreamRun],
     /// The pixels of each wave.
-    pub(crate) waves: &'a [Arc<[u32]>],
-    pub(crate) size: [u32; 2],
-    pub(crate) samples: u32,
-    pub(crate) seed: u32,
+    pub waves: &'a [Arc<[u32]>],
+    /// Width and height of the picture in pixels.
+    pub size: [u32; 2],
+    /// Rays per pixel.
+    pub samples: u32,
+    /// Seed of samples, pixels and bounces.
+    pub seed: u32,
     /// The picture's file: the first frame's.
-    pub(crate) picture: &'a Path,
+    pub picture: &'a Path,
     /// Predicted seconds of a run's tasks, on the scale of the measured ones.
-    pub(crate) estimated: fn(&StreamRun) -> Vec<f64>,
+    pub estimated: fn(&StreamRun) -> Vec<f64>,
 }
 
 impl Rendered<'_> {
@@ -32,7 +37,7 @@ impl Rendered<'_> {
     ///
     /// # Errors
     /// When the picture cannot be read or the page not be written.
-    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         let scene = &self.report.scene;
         let seeds = format!("Seed {} of samples, pixels and bounces.", self.seed);
         let title = format!("raybalance: {}", scene.source);

@@ -1,0 +1,15 @@
+//! What raybalance found, for people and for programs: `report.json`, tables, charts, HTML pages, pictures.
+//!
+//! Nothing here measures or decides: it is handed [`StreamRun`](rt_balance::report::StreamRun)s and numbers, and writes
+//! files that are there in full or not at all ([`output`]).
+#![forbid(unsafe_code)]
+
+pub mod chart;
+pub mod html;
+pub mod image;
+mod machine;
+pub mod output;
+pub mod report;
+pub mod table;
+
+pub use machine::{Machine, command_line};

@@ -1,0 +1,73 @@
+//! `report.json`, schema 1 (described in docs/report.md).
+
+use rt_balance::report::StreamReport;
+use rt_scene::scan::Plan;
+use serde::Serialize;
+
+/// The version of the layout; it changes when a field changes its meaning or goes away.
+pub const SCHEMA: u32 = 1;
+
+/// Everything one run of `render` or `trace` tells.
+#[derive(Debug, Serialize)]
+pub struct Report {
+    /// Version of the layout: [`SCHEMA`].
+    pub schema: u32,
+    /// Version of raybalance.
+    pub version: &'static str,
+    /// The command line, program name left out.
+    pub command: Vec<String>,
+    /// The scene that was traced.
+    pub scene: SceneReport,
+    /// Name of the queue.
+    pub queue: &'static str,
+    /// Null for the central queue, which has none.
+    pub policy: Option<&'static str>,
+    /// One for each stream, in the order in which they were traced.
+    pub streams: Vec<StreamReport>,
+    /// Where the time went.
+    pub seconds: Seconds,
+}
+
+/// The scene and how it is traced.
+#[derive(Debug, Serialize)]
+pub struct SceneReport {
+    /// Its file, or the name of a built-in scene.
+    pub source: String,
+    /// Triangles of the source.
+    pub triangles: usize,
+    /// Triangles without area, which no ray can hit.
+    pub degenerate: usize,
+    /// Triangles with NaN or infinite vertices, left out on request.
+    pub invalid: usize,
+    /// Name of the builder of its tree.
+    pub builder: String,
+    /// How triangles are tested.
+    pub precision: &'static str,
+    /// Bytes of nodes, triangles and ids.
+    pub bvh_bytes: u64,
+    /// What the scan of the scene found and proposes.
+    pub plan: Plan,
+}
+
+/// Wall seconds of the whole run, by what was done.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Seconds {
+    /// The scene read or generated, and scanned.
+    pub load: f64,
+    /// Its tree built.
+    pub build: f64,
+    /// The scene brought to the devices, kernels compiled.
+    pub setup: f64,
+    /// Sample rays walked and costs estimated.
+    pub estimate: f64,
+    /// Streams traced, without the estimation.
+    pub trace: f64,
+    /// The separate measuring passes of `--reference`.
+    pub reference: f64,
+    /// The picture made of hits.
+    pub shade: f64,
+    /// Pictures and charts; this file itself is written last and not counted.
+    pub write: f64,
+    /// From the start of the program.
+    pub total: f64,
+}
