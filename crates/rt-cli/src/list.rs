@@ -1,12 +1,12 @@
 //! `raybalance devices` and `raybalance scenes`.
 
-use crate::scene_source::generate;
 use crate::table::{Table, grouped};
 use anyhow::Result;
 use rt_balance::cpu::CpuDevice;
 use rt_balance::devices::{Api, CardOptions, Found};
 use rt_balance::vulkan::Card;
 use rt_core::Device;
+use rt_scene::prepare::generate;
 use rt_scene::scenes;
 use serde_json::json;
 
