@@ -8,7 +8,9 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
 use rt_balance::stats::{Summary, median};
-use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_balance::{
+    Balancer, Control, Device, Hit, Limits, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec,
+};
 use rt_benches::BenchScene;
 use rt_core::{CostEstimator, ReducedWalk, Scene, Walk};
 use rt_scene::streams::Wave;
@@ -103,7 +105,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runs.push(balancer.trace(&seeded, scheduling, &mut hits, None, Control::default())?);
         }
         if round > 0 {
-            references.push(balancer.reference(&stream, 1)?);
+            references.push(balancer.reference(&stream, 1, &Limits::default(), Control::default())?);
             rounds.push(runs);
         }
         eprintln!("round {round} of {}", options.runs);
