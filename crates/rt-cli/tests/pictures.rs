@@ -5,7 +5,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn render(out: &Path, arguments: &[&str]) -> Output {
-    let run = Command::new(env!("CARGO_BIN_EXE_raybalance")).arg("render").args(arguments).arg("--out").arg(out).output();
+    let run =
+        Command::new(env!("CARGO_BIN_EXE_raybalance")).arg("render").args(arguments).arg("--out").arg(out).output();
     run.expect("the program starts")
 }
 
@@ -63,7 +64,10 @@ fn a_limited_address_space_ends_in_an_error() {
     };
     let (code, error) = limited(8_000_000, "40000x40000");
     assert_eq!(code, Some(1), "{error}");
-    assert!(error.contains("needs about") && error.contains("12 bytes a pixel") && error.contains("ulimit -v"), "{error}");
+    assert!(
+        error.contains("needs about") && error.contains("12 bytes a pixel") && error.contains("ulimit -v"),
+        "{error}"
+    );
     let (code, error) = limited(8_000_000, "64x40");
     assert_eq!(code, Some(0), "{error}");
 }
