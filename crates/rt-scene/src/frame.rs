@@ -6,7 +6,7 @@ use rt_core::Aabb;
 
 /// Share of the triangles that may be outliers on each side of each axis: few large triangles (a ground, a sky) stay
 /// below it, while no part worth looking at does.
-const OUTLIERS: f64 = 0.01;
+pub(crate) const OUTLIERS: f64 = 0.01;
 
 /// How many times longer than the frame without outliers the whole model must be for outliers to be left out. Below it
 /// the whole model still fills a good part of a picture.

@@ -7,8 +7,10 @@
 
 pub mod builtin;
 mod frame;
+mod memory;
 mod model;
 pub mod obj;
+pub mod progress;
 pub mod scan;
 pub mod scenes;
 pub mod streams;

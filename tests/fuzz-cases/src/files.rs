@@ -1,17 +1,19 @@
 //! Files of users: OBJ scenes and NumPy rays.
 
 use rt_bvh::{BuildOptions, InvalidTriangles, Mesh};
-use rt_scene::obj::{LoadOptions, load_obj_from};
+use rt_scene::obj::{LoadOptions, load_obj_from, unwatched};
 
 /// Loads the bytes as an OBJ file, which may name itself as its material file; what it accepts can be built.
 pub fn obj(data: &[u8]) {
     for drop_invalid in [false, true] {
         let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
         let materials = |_: &str| Ok(data.to_vec());
-        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut |_| ()) {
+        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut unwatched) {
             Ok(loaded) => {
                 let model = &loaded.model;
                 let count = model.positions.len();
+                assert!(model.offset.is_finite());
+                assert!(drop_invalid || loaded.left_out == 0 && model.positions.iter().all(|p| p.is_finite()));
                 assert!(model.indices.iter().flatten().all(|&i| (i as usize) < count), "an index leads nowhere");
                 assert!(model.colour_of.is_empty() || model.colour_of.len() == model.indices.len());
                 let mesh = Mesh { positions: &model.positions, indices: &model.indices };

@@ -37,7 +37,7 @@ impl<'a> BenchScene<'a> {
     /// Seen as its model says, or `cameras.tsv` beside its file, or as `render` would show it.
     pub(crate) fn new(prepared: &'a Prepared, path: &Path) -> Result<Self> {
         let model = &prepared.model;
-        let view = model.view.or_else(|| view::listed(path)).unwrap_or_else(|| prepared.view());
+        let view = model.view.or_else(|| view::listed(path, model)).unwrap_or_else(|| prepared.view());
         Ok(Self { model, tree: Arc::new(prepared.built.scene.clone()), view })
     }
 
