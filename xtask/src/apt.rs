@@ -9,7 +9,8 @@ use std::process::{Command, Stdio};
 /// Keys that sign every suite of Debian, where the package debian-archive-keyring puts them.
 const DEBIAN_KEYS: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
-/// Installs those of the packages that are missing, as root or through a sudo that asks for no password.
+/// Installs those of the packages that are missing, as root or through a sudo that asks for no password, and says before
+/// what that is.
 ///
 /// What is installed already is not upgraded.
 pub(crate) fn install<S: AsRef<str>>(packages: &[S]) -> Result<()> {
@@ -19,12 +20,59 @@ pub(crate) fn install<S: AsRef<str>>(packages: &[S]) -> Result<()> {
     }
     require_apt().with_context(|| format!("missing: {}", missing.join(", ")))?;
     let mut install = apt_get_as_root(&[&["install", "--yes", "--no-install-recommends"], &missing[..]].concat())?;
-    if run(&mut install).is_ok() {
-        return Ok(());
+    if let Some(size) = size_of(&missing)? {
+        announce(&missing, &size);
+        if run(&mut install).is_ok() {
+            return Ok(());
+        }
     }
     // A bare machine has no package lists; one that has been up for long has stale ones.
     run(&mut apt_get_as_root(&["update"])?)?;
+    let size = size_of(&missing)?.with_context(|| format!("apt knows no way to install {}", missing.join(", ")))?;
+    announce(&missing, &size);
     run(&mut install)
+}
+
+/// What an installation takes, in apt's own words.
+#[derive(Debug, PartialEq, Eq)]
+struct Size {
+    /// Packages, with those that the named ones need.
+    packages: u32,
+    /// Such as `80.7 MB`.
+    download: String,
+    /// Such as `312 MB`.
+    disk: String,
+}
+
+fn announce(packages: &[&str], Size { packages: all, download, disk }: &Size) {
+    let named = packages.join(", ");
+    println!("setup: apt installs {named} (packages in all: {all}): {download} to download, {disk} on disk");
+}
+
+/// Asks apt, which changes nothing; `None` where it knows no way to install them.
+fn size_of(packages: &[&str]) -> Result<Option<Size>> {
+    let mut question = Command::new("apt-get");
+    // Neither does it need root then, nor does it wait for another apt.
+    question.args(["install", "--assume-no", "--no-install-recommends", "--option", "Debug::NoLocking=true"]);
+    question.args(packages).env("LC_ALL", "C").stdin(Stdio::null());
+    // Its exit code says that the answer was no.
+    let output = question.output().context("cannot start apt-get")?;
+    Ok(size(&String::from_utf8_lossy(&output.stdout)))
+}
+
+fn size(answer: &str) -> Option<Size> {
+    let between = |start: &str, end: &str| {
+        let mut found = answer.lines().filter_map(|line| line.trim().strip_prefix(start)?.split_once(end));
+        found.next().map(|(words, _)| words.to_owned())
+    };
+    let counted =
+        answer.lines().find_map(|line| line.split_once(" newly installed")?.0.rsplit(' ').next()?.parse().ok());
+    Some(Size {
+        packages: counted?,
+        // With `A/B` A are missing, the others are in apt's cache.
+        download: between("Need to get ", " of archives").unwrap_or_else(|| "nothing".to_owned()),
+        disk: between("After this operation, ", " of additional disk space").unwrap_or_else(|| "nothing".to_owned()),
+    })
 }
 
 /// Downloads the package's version of this Debian release's backports into `folder`, which is for this alone.
@@ -161,6 +209,19 @@ mod tests {
         assert_eq!(dependency_names("libc6 (>= 2.34), libllvm15\n"), ["libc6", "libllvm15"]);
         assert_eq!(dependency_names("a | b (>= 1), c:any"), ["a", "c:any"]);
         assert!(dependency_names("\n").is_empty());
+    }
+
+    #[test]
+    fn sizes_are_those_that_apt_says() {
+        let answer = "The following NEW packages will be installed:\n  chromium libvpx7\n\
+                      0 upgraded, 2 newly installed, 0 to remove and 137 not upgraded.\nNeed to get 80.7 MB of archives.\n\
+                      After this operation, 312 MB of additional disk space will be used.\n\
+                      Do you want to continue? [Y/n] N\nAbort.\n";
+        let said = |download: &str, disk: &str| Size { packages: 2, download: download.into(), disk: disk.into() };
+        assert_eq!(size(answer), Some(said("80.7 MB", "312 MB")));
+        assert_eq!(size(&answer.replace("80.7 MB", "0 B/80.7 MB")), Some(said("0 B/80.7 MB", "312 MB")));
+        assert_eq!(size("0 upgraded, 2 newly installed, 0 to remove\n"), Some(said("nothing", "nothing")));
+        assert_eq!(size("Reading package lists...\n"), None);
     }
 
     #[test]

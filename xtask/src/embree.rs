@@ -1,18 +1,26 @@
 //! Embree, the reference that the tests compare with: the library alone, in a folder of the project's own.
 //!
-//! Debian 12 has only Embree 3. The Python package `embreex` carries Embree 4 and oneTBB for the usual systems; pip
-//! unpacks it, and nothing of it but the two libraries is used.
+//! Debian 12 has only Embree 3. The Python package `embreex` carries Embree 4 and oneTBB; nothing of it but these two
+//! libraries is used.
 
-use crate::apt;
-use crate::command::{root, run, succeeds};
-use crate::files::remove;
-use anyhow::{Context, Result, bail};
+use crate::command::root;
+use crate::pip::Package;
+use anyhow::{Context, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
-/// The package's release, whose first three numbers are Embree's version.
-const RELEASE: &str = "4.4.0.post1";
+/// The release's first three numbers are Embree's version. There is a file for each version of Python, with the same
+/// libraries: one will do for all.
+const PACKAGE: Package = Package {
+    name: "embreex",
+    release: "4.4.0.post1",
+    hashes: &["2cd0f7d5c6342e6247e31f700761689cae7829454d8c6de0c41e62124a023e1f"],
+    options: &["--python-version=3.11", "--implementation=cp", "--abi=cp311", "--platform=manylinux_2_28_x86_64"],
+    megabytes: 15,
+};
+
+/// Whether there is a file for this kind of machine.
+pub(crate) const SUPPORTED: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));
 
 /// The variable that names the library to the tests; someone who sets it wants that library tested.
 pub(crate) const VARIABLE: &str = "RAYBALANCE_EMBREE";
@@ -24,23 +32,10 @@ pub(crate) fn library() -> Option<PathBuf> {
 
 /// Puts the library in place, and says where.
 pub(crate) fn install() -> Result<String> {
-    let (folder, staging) = (folder(), folder().with_extension("partial"));
-    if !succeeds(Command::new("python3").args(["-m", "pip", "--version"])) {
-        apt::install(&["python3-pip"]).context("Embree comes with a Python package, which pip unpacks")?;
-    }
-    remove(&staging)?;
-    let mut pip = Command::new("python3");
-    pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--root-user-action=ignore"]);
-    pip.args(["--no-deps", "--only-binary", ":all:", "--target"]).arg(&staging).arg(format!("embreex=={RELEASE}"));
-    run(pip.stdin(Stdio::null()))?;
-    if library_in(&staging).is_none() {
-        bail!("embreex {RELEASE} has no libembree4 for this system");
-    }
-    // Renamed when it is whole, so that an interruption leaves nothing that looks finished.
-    remove(&folder)?;
-    fs::rename(&staging, &folder).with_context(|| format!("cannot create `{}`", folder.display()))?;
-    let library = library_in(&folder).context("the library vanished")?;
-    Ok(format!("unpacked embreex {RELEASE}: {}", library.display()))
+    let whole = |staging: &Path| library_in(staging).map(drop).context("embreex has no libembree4 for this system");
+    PACKAGE.unpack(&folder(), whole)?;
+    let library = library().context("the library vanished")?;
+    Ok(format!("unpacked {}", library.display()))
 }
 
 fn folder() -> PathBuf {
@@ -48,7 +43,7 @@ fn folder() -> PathBuf {
 }
 
 fn library_in(folder: &Path) -> Option<PathBuf> {
-    if !folder.join(format!("embreex-{RELEASE}.dist-info")).is_dir() {
+    if !PACKAGE.is_in(folder) {
         return None;
     }
     let is_library = |path: &PathBuf| path.file_name().is_some_and(|n| n.to_string_lossy().starts_with("libembree4"));
@@ -70,7 +65,7 @@ mod tests {
         assert_eq!(library_in(dir.path()), None);
         fs::create_dir(dir.path().join("embreex-4.0.0.dist-info")).unwrap();
         assert_eq!(library_in(dir.path()), None);
-        fs::create_dir(dir.path().join(format!("embreex-{RELEASE}.dist-info"))).unwrap();
+        fs::create_dir(dir.path().join(format!("embreex-{}.dist-info", PACKAGE.release))).unwrap();
         assert_eq!(library_in(dir.path()), Some(libraries.join("libembree4-1.so.4")));
         assert_eq!(library_in(Path::new("no such folder")), None);
     }

@@ -20,7 +20,8 @@ const MEMORY: u32 = 2048;
 pub(crate) fn fuzz(minutes: u32) -> Result<()> {
     if !succeeds(nightly::cargo("fuzz").arg("--version")) {
         nightly::require("libFuzzer's instrumentation")?;
-        run(&mut cargo("install cargo-fuzz --locked")).context("installing cargo-fuzz")?;
+        run(cargo("install cargo-fuzz --locked --root").arg(root().join(nightly::TOOLS)))
+            .context("installing cargo-fuzz")?;
     }
     let seconds = (minutes * 60 / TARGETS.len() as u32).max(1);
     let mut broken = Vec::new();

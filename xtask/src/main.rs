@@ -3,12 +3,15 @@
 
 mod apt;
 mod command;
+mod deny;
 mod embree;
 mod estimation;
 mod files;
 mod fuzz;
 mod nightly;
 mod no_std;
+mod pip;
+mod registered;
 mod scenes;
 mod setup;
 mod test;
@@ -21,7 +24,9 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask <task>
 
-  setup           put in place what the tests need from outside; does nothing where it is there already
+  setup           put in place what the tests need from outside, in the folder .setup and by apt; does nothing where it
+                  is there already
+  setup --undo    remove what earlier versions of `setup` registered below the home folder
   test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
                   single features and the no_std proof
   no-std          prove that rt-core, rt-bvh and rt-sched need no std
@@ -40,8 +45,8 @@ environment:
                      with CI=true everything that `setup` provides, unless set
   CHROMIUM           browser for the tests of report.html; unless set, chromium, chromium-browser or google-chrome
   VK_DRIVER_FILES    Vulkan drivers to be tested, as for any program that uses Vulkan; unless set, three software
-                     devices, which `setup` puts into .setup/vulkan and registers below XDG_DATA_HOME for programs
-                     that are run by hand
+                     devices, which `setup` puts into .setup/vulkan. Programs that cargo starts find these beside the
+                     machine's own; others do with VK_ADD_DRIVER_FILES=.setup/vulkan/icd.d
   RAYBALANCE_EMBREE  the file of an Embree 4 library for the tests to compare with; unless set, one that `setup`
                      puts into .setup/embree, or the system's
 ";
@@ -51,6 +56,7 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match arguments[..] {
         ["setup"] => setup::setup().map(drop),
+        ["setup", "--undo"] => registered::undo(),
         ["test"] => test::test(test::Extent::Everything),
         ["test", "--quick"] => test::test(test::Extent::Quick),
         ["no-std"] => no_std::prove(),

@@ -4,6 +4,9 @@ use crate::command::{root, succeeds};
 use anyhow::{Result, bail};
 use std::process::Command;
 
+/// Where tools of cargo's are installed that only these checks need, in the repository.
+pub(crate) const TOOLS: &str = ".setup/cargo";
+
 /// Nightly's cargo with arguments split at spaces, in the repository's root.
 pub(crate) fn cargo(arguments: &str) -> Command {
     let mut command = Command::new("rustup");
@@ -11,6 +14,11 @@ pub(crate) fn cargo(arguments: &str) -> Command {
     // Those of the cargo that runs this program.
     for variable in ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN"] {
         command.env_remove(variable);
+    }
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let folders = std::env::split_paths(&path).chain([root().join(TOOLS).join("bin")]);
+    if let Ok(path) = std::env::join_paths(folders) {
+        command.env("PATH", path);
     }
     command
 }

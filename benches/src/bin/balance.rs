@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
-    let mut balancer = Balancer::new(Arc::new(built.scene), &devices)?;
+    let mut balancer = Balancer::new(built.scene, &devices)?;
     let stream = stream(&scene, &options, &mut balancer)?;
     let mut hits = vec![Hit::MISS; stream.source.len() as usize];
 

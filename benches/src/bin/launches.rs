@@ -66,7 +66,7 @@ fn clock() -> Duration {
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let bench = BenchScene::open(name)?;
     let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-    let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
+    let scene = build(mesh, &BuildOptions::default())?.scene;
     let tracer = |tuning| -> Result<(VulkanDevice, Box<dyn Tracer>), Box<dyn Error>> {
         let device = open(options.device, tuning)?;
         let tracer = device.tracer(Arc::clone(&scene), clock)?;

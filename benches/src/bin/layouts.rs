@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for name in &options.scenes {
         let bench = BenchScene::open(name)?;
         let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-        let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
+        let scene = build(mesh, &BuildOptions::default())?.scene;
         let begin = Instant::now();
         let tree = WideTree::new(&scene);
         let made = begin.elapsed().as_secs_f64() * 1e3;

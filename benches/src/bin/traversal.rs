@@ -10,7 +10,6 @@ use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use std::error::Error;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// What is timed; the first one is what the others are compared with.
@@ -57,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let bench = BenchScene::open(name)?;
     let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-    let scene = Arc::new(build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene);
+    let scene = build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene;
     let mut peers = Peers::new(&bench.model, &scene)?;
     if let Some(reason) = peers.missing() {
         eprintln!("{name}: left out: {reason}");

@@ -77,7 +77,7 @@ impl Balancer {
         let positions: Vec<glam::Vec3> = positions.iter().copied().map(glam::Vec3::from_array).collect();
         let mesh = rt_bvh::Mesh { positions: &positions, indices };
         let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions::default())?;
-        Self::new(Arc::new(built.scene), devices)
+        Self::new(built.scene, devices)
     }
 
     /// The scene.

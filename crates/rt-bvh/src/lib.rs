@@ -4,9 +4,12 @@
 //! ([`rt_core::Walk::Full`]) or without touching a triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a
 //! tree.
 //!
-//! There are two layouts, the scene's own two-wide tree and an eight-wide compressed one made from it ([`WideTree`],
+//! It traces two layouts, the scene's own two-wide tree and an eight-wide compressed one made from it ([`WideTree`],
 //! [`trace_wide`], [`count_wide`]), with one traversal loop each, generic over a visitor. Hits are a function of ray and triangles alone: they do not
 //! depend on the builder, its options, the layout or the order of traversal (the module `trace` says why).
+//!
+//! [`BlockTree`] is a third layout, for kernels that use the SIMD words of processors: eight-wide too, with boxes in single
+//! precision and leaves of four triangles. This crate makes and checks it, and does not trace it.
 //!
 //! [`walk_packets`] walks the two-wide tree with sixteen rays at a time: the same hits and counts, sooner where
 //! neighbouring rays take similar paths.
@@ -24,7 +27,9 @@
 
 extern crate alloc;
 
+mod blocks;
 mod build;
+mod collapse;
 mod options;
 mod stats;
 mod trace;
@@ -32,6 +37,7 @@ mod wide;
 
 use rt_core::scale;
 
+pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
 pub use build::{BuildError, BuildReport, Built, Fallback, build};
 #[cfg(feature = "obvhs")]
 pub use options::PlocQuality;

@@ -114,7 +114,7 @@ impl Trial {
         let positions: Vec<Vec3> = (0..3 * TRIANGLES).map(|i| vertex([seed, i / 3, i % 3], scale, offset)).collect();
         let indices: Vec<[u32; 3]> = (0..TRIANGLES).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = Mesh { positions: &positions, indices: &indices };
-        let scene = Arc::new(build(mesh, &BuildOptions::default()).ok()?.scene);
+        let scene = build(mesh, &BuildOptions::default()).ok()?.scene;
         let surfaces = Arc::new(Surfaces::new(Arc::clone(&scene)));
         let exponent = scene.scale_exponent();
         let usable = |primitive: &u32| {

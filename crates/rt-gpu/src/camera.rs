@@ -19,7 +19,7 @@ const LEFT_OUT: f64 = 1.0 / 256.0;
 /// A scene, a camera, and the rays that a device is to make.
 #[derive(Debug)]
 struct Trial {
-    scene: Scene,
+    scene: Arc<Scene>,
     rays: CameraRays,
     camera: KernelCamera,
 }

@@ -176,7 +176,7 @@ mod tests {
     fn orders_name_each_ray_once() {
         let positions = [glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y];
         let mesh = Mesh { positions: &positions, indices: &[[0, 1, 2]] };
-        let scene = Arc::new(build(mesh, &BuildOptions::default()).expect("valid").scene);
+        let scene = build(mesh, &BuildOptions::default()).expect("valid").scene;
         let camera = Camera::look_at(glam::Vec3::splat(2.0), glam::Vec3::ZERO, glam::Vec3::Y, 40.0).expect("valid");
         for seed in 0..100 {
             let below = |bound, index| random::below(bound, seed, index, 1);

@@ -175,7 +175,7 @@ mod tests {
         let positions: Vec<_> = (0..3 * COUNT).map(vertex).collect();
         let indices: Vec<_> = (0..COUNT).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = Mesh { positions: &positions, indices: &indices };
-        Arc::new(build(mesh, &BuildOptions::default()).expect("valid").scene)
+        build(mesh, &BuildOptions::default()).expect("valid").scene
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub fn build(triangles: &[Triangle], builder: Builder) -> Result<Arc<Scene>, Str
     let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = Mesh { positions: &positions, indices: &indices };
     let options = BuildOptions { builder, ..BuildOptions::default() };
-    rt_bvh::build(mesh, &options).map(|built| Arc::new(built.scene)).map_err(|e| e.to_string())
+    rt_bvh::build(mesh, &options).map(|built| built.scene).map_err(|e| e.to_string())
 }
 
 /// Traces every ray with `rt_bvh`.

@@ -45,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let scene = BenchScene::open(name)?;
         let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
         let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-        let built = Arc::new(rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene);
+        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene;
         let devices = CpuDevice::open_all(&[1])?;
         let device = devices.first().ok_or("no CPU device")?;
         for &kind in &options.kinds {

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let bench = BenchScene::open(name)?;
         let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
         let begin = Instant::now();
-        let scene = Arc::new(build(mesh, &BuildOptions::default())?.scene);
+        let scene = build(mesh, &BuildOptions::default())?.scene;
         let built_s = begin.elapsed().as_secs_f64();
         compare(&bench, &scene, built_s, (&device, &peer), &options)?;
     }

@@ -54,7 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mesh = rt_bvh::Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
         let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
         let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
-        let scene = Arc::new(built.scene);
+        let scene = built.scene;
         let mut subject = Subject {
             tracer: open(&options, &scene)?,
             scene: Arc::clone(&scene),

@@ -6,6 +6,7 @@ mod ploc;
 mod sah;
 
 use crate::{BuildOptions, Builder, Mesh};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 use gather::Gathered;
@@ -29,7 +30,7 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
     };
-    Ok(Built { scene, report })
+    Ok(Built { scene: Arc::new(scene), report })
 }
 
 /// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
@@ -78,8 +79,8 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
 /// A scene and how it came about.
 #[derive(Clone, Debug)]
 pub struct Built {
-    /// The scene.
-    pub scene: Scene,
+    /// The scene, to be shared by all who trace it.
+    pub scene: Arc<Scene>,
     /// How it was built.
     pub report: BuildReport,
 }

@@ -161,8 +161,9 @@ fn in_two(a: f32, b: f32) -> [f32; 2] {
 mod tests {
     use super::*;
     use crate::{BuildOptions, Mesh, build};
+    use alloc::sync::Arc;
 
-    fn scene() -> Scene {
+    fn scene() -> Arc<Scene> {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p * 3.0);
         build(Mesh { positions: &positions, indices: &[[0, 1, 2]] }, &BuildOptions::default()).expect("valid").scene
     }

@@ -31,7 +31,8 @@
 use super::slabs::{Frame, LocalRay};
 use super::triangle::REACH;
 use super::walk::{Stack, Visitor, is_whole, walk_nodes};
-use crate::wide::{WIDTH, WideNode, WideTree};
+use crate::collapse::WIDTH;
+use crate::wide::{WideNode, WideTree};
 use core::ops::ControlFlow;
 use glam::Vec3;
 use rt_core::{Hit, Ray, Scene, TestCounts};

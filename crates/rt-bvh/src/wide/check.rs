@@ -1,8 +1,8 @@
 //! That a wide tree is whole and its boxes hold what is below them, in exact arithmetic.
 
-use super::collapse::bounds;
 use super::encode::compare;
-use super::{LEAST_EXPONENT, Slot, WIDTH, WideTree};
+use super::{LEAST_EXPONENT, Slot, WideTree};
+use crate::collapse::{WIDTH, bounds};
 use crate::scale::pow2;
 use alloc::vec;
 use core::cmp::Ordering;

@@ -1,11 +1,11 @@
 //! Writing down the wide tree that a plan describes, and putting the triangles in its order.
 
-use super::collapse::{Part, Plan, bounds, divide};
+use super::WideNode;
 use super::encode::{self, Entry, encode};
-use super::{WIDTH, WideNode};
+use crate::collapse::{Plan, WIDTH};
 use alloc::vec;
 use alloc::vec::Vec;
-use rt_core::{Aabb, Child, Scene, SceneParts};
+use rt_core::{Child, Scene, SceneParts};
 
 /// The wide tree's nodes, and the order of its triangles.
 #[derive(Debug)]
@@ -23,28 +23,26 @@ pub(super) fn emit(scene: &Scene, plan: &Plan) -> Emitted {
     let mut emitted =
         Emitted { nodes: vec![WideNode::EMPTY], slots: Vec::with_capacity(scene.triangles().len()), depth: 0 };
     // Nodes to be written: where, what, and how deep. The root is no part of anything.
-    let mut open = vec![(0, Part::Node { index: 0, first: plan.root }, 1)];
+    let mut open = vec![(0, plan.root(), 1)];
     let mut parts = Vec::with_capacity(WIDTH);
     while let Some((index, part, depth)) = open.pop() {
         emitted.depth = emitted.depth.max(depth);
-        parts.clear();
-        match part {
-            Part::Node { index, first } => {
-                plan.take(scene, index, 0, first, &mut parts);
-                plan.take(scene, index, 1, WIDTH as u8 - first, &mut parts);
-            }
-            Part::Range { first, count } => parts.extend(divide(first, count)),
-            // Only nodes are put on the list.
-            Part::Leaf { .. } | Part::Merged { .. } => {}
-        }
+        plan.children(scene, part, &mut parts);
         let first_triangle = emitted.slots.len() as u32;
-        let entries: Vec<Entry> = parts.iter().map(|part| entry(scene, part, &mut emitted.slots)).collect();
+        let entries: Vec<Entry> = parts
+            .iter()
+            .map(|part| {
+                let before = emitted.slots.len();
+                let bounds = part.gather(scene, &mut emitted.slots);
+                Entry { bounds, triangles: (emitted.slots.len() - before) as u32 }
+            })
+            .collect();
         let slots = encode::places(&entries);
         let first_node = emitted.nodes.len() as u32;
         let node = encode(&entries, &slots, first_node, first_triangle);
         // The last one is written first.
         for (part, slot) in parts.iter().zip(slots).rev() {
-            if let Part::Node { .. } | Part::Range { .. } = part {
+            if part.is_node() {
                 let place = (node.inner & ((1_u16 << slot) - 1) as u8).count_ones();
                 open.push((first_node as usize + place as usize, *part, depth + 1));
             }
@@ -54,42 +52,6 @@ pub(super) fn emit(scene: &Scene, plan: &Plan) -> Emitted {
         emitted.nodes[index] = node;
     }
     emitted
-}
-
-/// A child's box and, if it is a leaf, its triangles, which are added to the new order.
-fn entry(scene: &Scene, part: &Part, slots: &mut Vec<u32>) -> Entry {
-    let before = slots.len();
-    let range = |first: u32, count: u32| bounds(&scene.triangles()[first as usize..][..count as usize]);
-    let bounds = match *part {
-        Part::Node { index, .. } => {
-            let [a, b] = scene.nodes()[index as usize].bounds;
-            a.union(b)
-        }
-        Part::Range { first, count } => range(first, count),
-        Part::Leaf { first, count } => {
-            slots.extend(first..first + count);
-            range(first, count)
-        }
-        Part::Merged { index } => gather(scene, index, slots),
-    };
-    Entry { bounds, triangles: (slots.len() - before) as u32 }
-}
-
-/// Lists the triangles below a two-wide node, and returns their box. There are few.
-fn gather(scene: &Scene, index: u32, slots: &mut Vec<u32>) -> Aabb {
-    let node = &scene.nodes()[index as usize];
-    let mut all = Aabb::EMPTY;
-    for side in 0..2 {
-        all = all.union(match node.child(side) {
-            Child::Absent => Aabb::EMPTY,
-            Child::Inner(child) => gather(scene, child, slots),
-            Child::Leaf { first, count } => {
-                slots.extend(first..first + count);
-                bounds(&scene.triangles()[first as usize..][..count as usize])
-            }
-        });
-    }
-    all
 }
 
 /// The scene with its triangles in another order, in which those of each leaf are still side by side.

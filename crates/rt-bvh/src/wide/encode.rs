@@ -1,6 +1,7 @@
 //! Children of a wide node, put in slots and their boxes on the node's grid.
 
-use super::{LEAST_EXPONENT, NODE, WIDTH, WideNode};
+use super::{LEAST_EXPONENT, NODE, WideNode};
+use crate::collapse::WIDTH;
 use crate::scale::pow2;
 use alloc::vec::Vec;
 use core::cmp::Ordering;

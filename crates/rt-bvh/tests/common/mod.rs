@@ -7,6 +7,7 @@ use rt_core::intersect::hit;
 use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk, random};
 use rt_verify::shapes;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 /// A mesh that owns its buffers.
 #[derive(Clone, Debug, Default)]
@@ -54,6 +55,12 @@ impl Model {
         self
     }
 
+    /// Each triangle so many times.
+    pub(crate) fn repeated(mut self, times: usize) -> Self {
+        self.indices = self.indices.repeat(times);
+        self
+    }
+
     /// The nearest hit by testing every triangle.
     pub(crate) fn brute(&self, ray: &Ray, excluded: u32) -> Hit {
         let mut best = Hit::MISS;
@@ -90,7 +97,7 @@ pub(crate) fn with(builder: Builder) -> BuildOptions {
 }
 
 /// Builds with non-finite triangles dropped.
-pub(crate) fn scene_of(model: &Model, builder: Builder) -> Scene {
+pub(crate) fn scene_of(model: &Model, builder: Builder) -> Arc<Scene> {
     build(model.mesh(), &BuildOptions { invalid: InvalidTriangles::Drop, ..with(builder) }).expect("valid mesh").scene
 }
 

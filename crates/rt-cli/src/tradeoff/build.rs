@@ -15,7 +15,6 @@ use rt_core::Hit;
 use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
-use std::sync::Arc;
 use std::time::Instant;
 
 /// One builder on one scene.
@@ -84,12 +83,12 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
     for round in stretch.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
-            let options = BuildOptions { builder, invalid: setting.args.source.invalid(), ..BuildOptions::default() };
+            let options = BuildOptions { builder, ..setting.args.source.options().build() };
             let built = rt_bvh::build(mesh, &options).with_context(|| format!("building {scene} by {builder}"))?;
             let build_s = begin.elapsed().as_secs_f64();
             if round == 0 {
                 rows.push(Row {
-                    scene: subject.name.clone(),
+                    scene: subject.name().to_owned(),
                     triangles: model.indices.len(),
                     builder: builder.name(),
                     build_s: Vec::new(),
@@ -100,7 +99,7 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
                     sah_cost: TreeStats::of(&built.scene).sah_cost,
                     bytes: built.scene.bytes(),
                 });
-                balancers.push(Balancer::new(Arc::new(built.scene), setting.devices)?);
+                balancers.push(Balancer::new(built.scene, setting.devices)?);
             }
             for (stream, mrays) in streams.iter().zip(&mut rows[index].mrays) {
                 let speed = speed(&mut balancers[index], stream, &mut hits)?;

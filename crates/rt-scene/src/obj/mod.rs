@@ -30,6 +30,7 @@ use crate::Model;
 use crate::memory::grow;
 use crate::progress::Meter;
 use geometry::{Geometry, Noticed};
+use glam::DVec3;
 use place::Placed;
 use std::borrow::Cow;
 use std::fs::File;
@@ -67,8 +68,10 @@ pub struct Loaded {
     /// How far single precision would have moved vertices of the model, in its units, but for [`Model::offset`]; 0 where
     /// that is 0.
     pub moved: f64,
-    /// What else the user should know, one sentence each, which begins with the name of the file.
+    /// What else the user should know, one sentence each, which begins with the name of a file.
     pub warnings: Vec<String>,
+    /// What was done with the file's numbers, likewise.
+    pub notes: Vec<String>,
 }
 
 /// Loads the OBJ file at `path`, with the material files that it names where they can be read.
@@ -124,12 +127,14 @@ fn load(
     let placed = place::place(&mut geometry, options, watch)?;
     let mut warnings = warnings(name, &geometry, &placed);
     warnings.extend(colours.warnings);
+    let notes = offset_note(name, &placed).into_iter().collect();
     Ok(Loaded {
         skipped_points: geometry.points,
         skipped_lines: geometry.lines,
         left_out: geometry.left_out.faces + placed.invalid,
         moved: placed.moved,
         warnings,
+        notes,
         model: Model {
             source: name.to_owned(),
             positions: placed.positions,
@@ -139,6 +144,18 @@ fn load(
             offset: placed.offset,
             view: None,
         },
+    })
+}
+
+/// That an offset is subtracted, and why.
+fn offset_note(name: &str, placed: &Placed) -> Option<String> {
+    let DVec3 { x, y, z } = placed.offset;
+    (placed.moved > 0.0).then(|| {
+        format!(
+            "{name}: coordinates are kept relative to ({x}, {y}, {z}), since single precision would move vertices by up to \
+             {:.1e}; cameras and rays are given in the coordinates of the file",
+            placed.moved
+        )
     })
 }
 

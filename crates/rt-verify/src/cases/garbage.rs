@@ -170,7 +170,7 @@ fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built) -> Option<Str
         })
         .collect();
     let count = built.scene.primitive_count();
-    let scene = Arc::new(built.scene);
+    let scene = built.scene;
     for query in [Query::Closest, Query::Any] {
         let hits = match trial.trace(&scene, &rays, query) {
             Ok(hits) => hits,

@@ -79,7 +79,7 @@ fn behind_others(trial: &Trial<'_>) -> Row {
     indices.extend((0..plane.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
     let mesh = Mesh { positions: &positions, indices: &indices };
     let options = BuildOptions { builder: trial.options().builder, ..BuildOptions::default() };
-    let scene = rt_bvh::build(mesh, &options).map(|built| Arc::new(built.scene)).map_err(|e| e.to_string());
+    let scene = rt_bvh::build(mesh, &options).map(|built| built.scene).map_err(|e| e.to_string());
     let Some(scene) = built(scene, &mut tally) else { return tally.row() };
     match trial.trace(&scene, &plane_rays(), Query::Closest) {
         Ok(hits) => (first..).zip(&hits).for_each(|(id, hit)| {
@@ -108,7 +108,7 @@ fn built_for_real(trial: &Trial<'_>) -> Row {
     let indices: Vec<[u32; 3]> = (0..columns * lines).flat_map(cell).collect();
     let mesh = Mesh { positions: &positions, indices: &indices };
     let options = BuildOptions { builder: trial.options().builder, ..BuildOptions::default() };
-    let scene = rt_bvh::build(mesh, &options).map(|built| Arc::new(built.scene)).map_err(|e| e.to_string());
+    let scene = rt_bvh::build(mesh, &options).map(|built| built.scene).map_err(|e| e.to_string());
     let Some(scene) = built(scene, &mut tally) else { return tally.row() };
     let count = indices.len() as u32;
     drop((positions, indices));

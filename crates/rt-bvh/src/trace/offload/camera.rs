@@ -94,9 +94,10 @@ impl Offload<'_> {
 mod tests {
     use super::*;
     use crate::{BuildOptions, Mesh, build};
+    use alloc::sync::Arc;
     use rt_core::{Camera, Scene};
 
-    fn scene(size: f32) -> Scene {
+    fn scene(size: f32) -> Arc<Scene> {
         let positions = [Vec3::ZERO, Vec3::X, Vec3::Y].map(|p| p * size);
         build(Mesh { positions: &positions, indices: &[[0, 1, 2]] }, &BuildOptions::default()).expect("valid").scene
     }
