@@ -153,10 +153,15 @@ fn offset_note(name: &str, placed: &Placed) -> Option<String> {
     (placed.moved > 0.0).then(|| {
         format!(
             "{name}: coordinates are kept relative to ({x}, {y}, {z}), since single precision would move vertices by up to \
-             {:.1e}; cameras and rays are given in the coordinates of the file",
-            placed.moved
+             {}; cameras and rays are given in the coordinates of the file",
+            two_digits(placed.moved)
         )
     })
+}
+
+/// A number without the digits that nobody needs.
+fn two_digits(number: f64) -> f64 {
+    format!("{number:.1e}").parse().unwrap_or(number)
 }
 
 /// What the user should know of the shapes.
@@ -180,8 +185,9 @@ fn warnings(name: &str, geometry: &Geometry<'_>, placed: &Placed) -> Vec<String>
     let (count, by) = placed.far;
     if count > 0 {
         warnings.push(format!(
-            "{name}: {count} vertices are so far from the rest that single precision moves them by up to {by:.2e}: put \
-             what is there into a file of its own"
+            "{name}: {count} vertices are so far from the rest that single precision moves them by up to {}: put \
+             what is there into a file of its own",
+            two_digits(by)
         ));
     }
     warnings
