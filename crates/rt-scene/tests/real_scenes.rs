@@ -1,7 +1,7 @@
 //! Real files, where the caller has them: `RAYBALANCE_SCENES` names the folder. What is not there is left out, and why is said.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
-use rt_scene::obj::{LoadOptions, load_obj};
+use rt_scene::obj::{LoadOptions, load_obj, unwatched};
 use rt_scene::scan::Scan;
 use rt_scene::view::auto_view;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ fn find(file: &str) -> Result<PathBuf, String> {
 ///
 /// Mutants: a loader that loses the last face; a scan that counts no triangle without area.
 fn examine(path: &Path, triangles: u64, degenerate: u64) -> Result<(), Failed> {
-    let model = load_obj(path, &LoadOptions::default(), &mut |_| {})?.model;
+    let model = load_obj(path, &LoadOptions::default(), &mut unwatched)?.model;
     let scan = Scan::new(&model);
     if (scan.triangles, scan.degenerate) != (triangles, degenerate) {
         let (found, flat) = (scan.triangles, scan.degenerate);

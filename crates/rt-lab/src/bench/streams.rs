@@ -35,7 +35,7 @@ impl<'a> BenchScene<'a> {
     /// Seen as its model says, or `cameras.tsv` beside its file, or as `render` would show it.
     pub(crate) fn new(prepared: &'a Prepared, path: &Path) -> Result<Self> {
         let model = &prepared.model;
-        let view = model.view.or_else(|| view::listed(path)).unwrap_or_else(|| prepared.view());
+        let view = model.view.or_else(|| view::listed(path, model)).unwrap_or_else(|| prepared.view());
         Ok(Self { prepared, tree: Arc::clone(&prepared.built.scene), view })
     }
 
@@ -109,7 +109,7 @@ mod tests {
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
-        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut |_| {}).unwrap();
+        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched).unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
         let rays = scene.streams(1000, 1).unwrap();
         assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);
