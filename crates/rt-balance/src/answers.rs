@@ -128,6 +128,8 @@ impl Asked {
         done: Option<&RayMask>,
         launch: &mut Launch,
     ) -> Result<Checked, DeviceError> {
+        // The backend may have left another one behind.
+        let _environment = rt_fenv::Environment::enter();
         let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
         let Launch { hits, counts, task_seconds, span } = launch;
         if hits.len() != rays || (self.spec.counts && counts.len() != rays) {
@@ -168,6 +170,7 @@ impl Asked {
         hits: &mut [Hit],
         counts: &mut [TestCounts],
     ) -> Result<Checked, DeviceError> {
+        let _environment = rt_fenv::Environment::enter();
         self.possible(rays.iter().copied().zip(hits.iter()))?;
         self.audit(rays.len(), |place| rays.get(place).copied(), hits, counts)
     }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use rt_bvh::Stack;
 use rt_bvh::offload::Offload;
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, StreamSpec, TestCounts, Ticket, Walk};
+use rt_fenv::Environment;
 use rt_shaders::{DOUBTFUL, MISS, Purpose};
 use std::time::Duration;
 
@@ -124,8 +125,8 @@ pub(crate) fn finish(
     let parts: Vec<(usize, Option<(u32, u32)>)> = chunks(work, answers)
         .into_par_iter()
         .map_init(
-            || Stack::for_scene(scene.given()),
-            |stack, Chunk { item, place: first, answers }| {
+            || (Environment::enter(), Stack::for_scene(scene.given())),
+            |(_, stack), Chunk { item, place: first, answers }| {
                 let (mut on_host, mut wrong) = (0, None);
                 for (item, (ray, place)) in (item as usize..).zip(work.from(item)).take(CHUNK) {
                     let place = (place - first) as usize;
