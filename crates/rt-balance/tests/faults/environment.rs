@@ -27,6 +27,18 @@ fn trace_all(devices: &[Arc<dyn Device>], rays: &[Ray]) -> Vec<[u32; 4]> {
     crate::fixture::bits(&hits)
 }
 
+/// Builds a mesh whose every coordinate is a subnormal number, and traces rays at it.
+fn trace_subnormal(devices: &[Arc<dyn Device>]) -> Vec<[u32; 4]> {
+    let unit = f32::from_bits(1 << 18);
+    let positions = [[0.0; 3], [unit, 0.0, 0.0], [0.0, unit, 0.0]];
+    let mut balancer = Balancer::for_mesh(&positions, &[[0, 1, 2]], devices).expect("a balancer");
+    let quarter = f32::from_bits(1 << 16);
+    let rays = vec![Ray::new([quarter, quarter, unit].into(), [0.0, 0.0, -1.0].into()); 64];
+    let mut hits = vec![Hit::MISS; rays.len()];
+    balancer.trace_rays(&rays, &mut hits).expect("hits");
+    crate::fixture::bits(&hits)
+}
+
 /// Devices are opened, the tree is built and rays are traced where numbers are rounded otherwise.
 ///
 /// Mutants: threads of a device, of its pool, or of the driver keep what they inherit; the tree is built in the caller's.
@@ -40,7 +52,11 @@ fn a_callers_environment_changes_no_bit() {
     let rays = rays();
     let right = trace_all(&open(&[1]), &rays);
     assert!(right.iter().any(|hit| hit[3] == 1) && right.iter().any(|hit| hit[3] == 0));
+    let subnormal = trace_subnormal(&open(&[1]));
+    assert!(subnormal.iter().all(|hit| hit[3] == 0), "{:?}", subnormal[0]);
     for strange in ALL {
+        let found = with(strange, || trace_subnormal(&open(&[1])));
+        assert!(found == subnormal, "{strange:?}: other bits of subnormal numbers");
         for threads in [&[1][..], &[1, 1], &[3]] {
             let found = with(strange, || trace_all(&open(threads), &rays));
             assert!(found == right, "{strange:?} on {threads:?}: other bits");
