@@ -4,7 +4,7 @@ use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
 use anyhow::{Context, Result, bail};
 use rt_balance::catalogue::{Entry, Estimator, Make};
-use rt_balance::{DEFAULT_TASK_SIZE, Scheduling};
+use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
 use rt_sched::sample::Fraction;
 
 impl EstimateArgs {
@@ -41,7 +41,8 @@ impl BalanceArgs {
     pub(crate) fn scheduling(&self) -> Result<Scheduling> {
         let estimator = self.estimate.chosen()?.make();
         let policy = self.policy.map(|policy| (policy.make)());
-        let scheduling = Scheduling { estimator, policy, queue: self.queue.make, ..Scheduling::default() };
+        let limits = Limits::within(self.device_limit);
+        let scheduling = Scheduling { estimator, policy, queue: self.queue.make, limits, ..Scheduling::default() };
         scheduling.policy().context("--policy")?;
         Ok(scheduling)
     }

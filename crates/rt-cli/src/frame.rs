@@ -169,7 +169,7 @@ impl Renderer<'_> {
         bar.finish_and_clear();
         let mut run = traced?;
         if self.reference {
-            balancer.reference(&stream, REFERENCE_PASSES)?.judge(&mut run);
+            balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, control)?.judge(&mut run);
         }
         runs.push(run);
         Ok(hits)

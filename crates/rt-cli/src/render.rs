@@ -30,7 +30,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
-    let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 

@@ -1,6 +1,7 @@
 //! What an experiment is handed by whoever runs it.
 
 use anyhow::{Context, Result, bail};
+use rt_balance::Control;
 use rt_balance::devices::Opener;
 use rt_core::Device;
 use rt_scene::prepare::Prepared;
@@ -34,7 +35,12 @@ pub struct Lab<'a> {
     pub show: &'a dyn Show,
 }
 
-impl Lab<'_> {
+impl<'a> Lab<'a> {
+    /// What stops a stream.
+    pub(crate) const fn control(&self) -> Control<'a> {
+        Control { cancel: Some(self.stop), progress: None }
+    }
+
     /// An error once the experiment is to stop.
     pub(crate) fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {

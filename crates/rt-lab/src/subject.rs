@@ -3,7 +3,7 @@
 use crate::Lab;
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, Control, Scheduling, Stream};
+use rt_balance::{Balancer, Limits, Reference, Scheduling, Stream};
 use rt_core::{Device, Hit, Scene, Span};
 use rt_scene::Model;
 use rt_scene::prepare::{Options, Prepared};
@@ -23,7 +23,8 @@ impl<'a> Subject<'a> {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(lab: Lab<'a>, scene: &str, devices: &[Arc<dyn Device>]) -> Result<Self> {
         let prepared = (lab.scenes)(scene)?;
-        let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
+        let scene = Arc::clone(&prepared.built.scene);
+        let balancer = Balancer::open(scene, devices, &Limits::default(), lab.control())?;
         Ok(Self { lab, balancer, prepared, hits: Vec::new() })
     }
 
@@ -42,6 +43,11 @@ impl<'a> Subject<'a> {
     /// Traces a stream once.
     pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
         trace(self.lab, &mut self.balancer, stream, scheduling, &mut self.hits)
+    }
+
+    /// Every task's own time and tests, in a pass of its own.
+    pub(crate) fn reference(&mut self, stream: &Stream) -> Result<Reference> {
+        Ok(self.balancer.reference(stream, 1, &Limits::default(), self.lab.control())?)
     }
 
     /// Short name.
@@ -81,8 +87,7 @@ pub(crate) fn trace(
     lab.go_on()?;
     hits.clear();
     hits.resize(stream.source.len() as usize, Hit::MISS);
-    let control = Control { cancel: Some(lab.stop), progress: None };
-    Ok(balancer.trace(stream, scheduling, hits, None, control)?)
+    Ok(balancer.trace(stream, scheduling, hits, None, lab.control())?)
 }
 
 /// Seconds in the kernel; of the whole launch where the device cannot tell.

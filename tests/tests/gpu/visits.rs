@@ -3,13 +3,13 @@
 use crate::{Backend, Found, LIMIT};
 use libtest_mimic::{Failed, Trial};
 use rt_balance::estimators::{Sampled, Uniform};
-use rt_balance::{Balancer, Control, CostEstimator, QueueKind, Scheduling, Stream};
+use rt_balance::{Balancer, Control, CostEstimator, Limits, QueueKind, Scheduling, Stream};
 use rt_bvh::Builder;
 use rt_core::{
     Clock, Device, DeviceError, DeviceInfo, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span, StreamKind,
     StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
-use rt_gpu::{GpuDevice, Trouble, Tuning};
+use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_sched::sample::Fraction;
 use rt_tests::conformance::clock;
 use rt_verify::rays::RayMaker;
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Rays of a stream.
 const RAYS: u32 = 6_000;
 
-/// The walk that brings visits back from devices opened with [`Trouble::CountVisits`].
+/// The walk that brings visits back from devices opened with [`FaultInjection::CountVisits`].
 const TELLING: Walk = Walk::Reduced(ReducedWalk::LeafAsHit);
 
 /// The tests of a backend, given its devices.
@@ -73,7 +73,7 @@ fn kernels_visit_each_ray_that_is_asked_for_once(found: &Found) -> Result<(), Fa
     let asked = |ray: u32| u32::from(in_tasks(ray) && !mask.contains(ray));
     let split = Tuning { window: Some(700), persistent_lanes: Some(64), ..Tuning::default() };
     for (tuning, counts) in [(Tuning::default(), false), (split, false), (Tuning::default(), true), (split, true)] {
-        let device = found.backend.enumerate_with(Some(Trouble::CountVisits), tuning)?;
+        let device = found.backend.enumerate_with(Some(FaultInjection::CountVisits), tuning)?;
         let device = device.into_iter().nth(found.position).ok_or("the device is gone")??;
         let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
         let spec = StreamSpec { counts, ..StreamSpec::default() };
@@ -121,7 +121,7 @@ fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
     let (scene, rays) = scene_and_rays()?;
     let eighth = Fraction::new(0.125).ok_or("a fraction")?;
     let opened: Vec<_> =
-        backend.enumerate_with(Some(Trouble::CountVisits), Tuning::default())?.into_iter().flatten().collect();
+        backend.enumerate_with(Some(FaultInjection::CountVisits), Tuning::default())?.into_iter().flatten().collect();
     for queue in [QueueKind::Static, QueueKind::Central, QueueKind::Hybrid] {
         let estimators: [Box<dyn CostEstimator>; 2] = [Box::new(Uniform), Box::new(Sampled::new(Walk::Full, eighth))];
         for estimator in estimators {
@@ -132,7 +132,8 @@ fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
             let devices: Vec<_> = opened.iter().map(watched).collect();
             let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
             let stream = Stream::new(source_of(&rays), StreamKind::Custom, StreamSpec::default()).with_task_size(128);
-            let mut how = Scheduling { estimator, queue, limit: LIMIT, ..Scheduling::default() };
+            let limits = Limits { late: LIMIT, lost: LIMIT, ..Limits::default() };
+            let mut how = Scheduling { estimator, queue, limits, ..Scheduling::default() };
             let mut hits = vec![Hit::MISS; rays.len()];
             balancer.trace(&stream, &mut how, &mut hits, None, Control::default())?;
             drop(balancer);

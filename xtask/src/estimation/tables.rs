@@ -140,7 +140,8 @@ pub(super) fn tables(json: &str) -> Result<String> {
         };
         OVERHEAD.iter().map(net).collect()
     });
-    let title = "Excess over the lower bound on 2 / 3 / 8 / 1:2:4 virtual devices, hybrid queue, estimation included, %";
+    let title =
+        "Excess over the lower bound on 2 / 3 / 8 / 1:2:4 virtual devices, hybrid queue, estimation included, %";
     let machines: Vec<&str> = OVERHEAD.iter().copied().filter(|name| *name != "reduced 1/1").collect();
     table(&mut text, title, &machines, &results, |m| {
         let excess = |name: &&str| {

@@ -1,10 +1,11 @@
 //! How work is cut, estimated and dealt.
 
 use super::CardArgs;
-use super::parse::{named, parse_fraction, parse_share, reduced_walk};
+use super::parse::{named, parse_fraction, parse_seconds, parse_share, reduced_walk};
 use clap::Args;
 use rt_balance::QueueKind;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};
+use std::time::Duration;
 
 /// How the cost of a task is estimated.
 #[derive(Clone, Debug, Args)]
@@ -46,6 +47,9 @@ pub(crate) struct BalanceArgs {
     /// Rays per task [default: 1024]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), value_name = "RAYS")]
     pub(crate) task_size: Option<u32>,
+    /// How long a device may be busy with one launch until it is given up; the others do its work long before
+    #[arg(long, value_parser = parse_seconds, default_value = "600", value_name = "SECONDS")]
+    pub(crate) device_limit: Duration,
     /// Seed of samples, pixels and bounces
     #[arg(long, default_value_t = 1)]
     pub(crate) seed: u32,

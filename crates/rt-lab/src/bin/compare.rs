@@ -9,7 +9,7 @@ use rt_balance::catalogue::{ESTIMATORS, find};
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
 use rt_balance::stats::{Summary, median};
-use rt_balance::{Balancer, Control, Device, Hit, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_balance::{Balancer, Control, Device, Hit, Limits, Reference, Scheduling, Stream, StreamKind, StreamSpec};
 use rt_lab::DEFAULT_BUILDER;
 use rt_lab::contenders::{CONTENDERS, HYBRID};
 use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
@@ -53,7 +53,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runs.push(balancer.trace(&seeded, scheduling, &mut hits, None, Control::default())?);
         }
         if round > 0 {
-            references.push(balancer.reference(&stream, 1)?);
+            references.push(balancer.reference(&stream, 1, &Limits::default(), Control::default())?);
             rounds.push(runs);
         }
         eprintln!("round {round} of {}", options.runs);

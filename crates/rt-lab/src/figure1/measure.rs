@@ -147,7 +147,7 @@ impl Plan<'_> {
     fn replayed(&self, subject: &mut Subject<'_>, stream: &Stream, count: usize) -> Result<[Times; CONFIGS.len()]> {
         // One task per launch, so that the cost of a launch is seen as well.
         let run = subject.trace(stream, &mut self.scheduling(&CONFIGS[CENTRAL_COST]))?;
-        let reference = subject.balancer.reference(stream, 1)?;
+        let reference = subject.reference(stream)?;
         let task_s = reference.seconds.first().context("the device failed")?;
         let seen = Observed::of(&run);
         let speeds = vec![1.0; count];

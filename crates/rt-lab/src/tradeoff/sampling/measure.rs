@@ -182,7 +182,7 @@ impl<'a> Sweep<'a> {
         round: usize,
         stretch: &Stretch<'_>,
     ) -> Result<Vec<([f64; 3], Sample)>> {
-        let reference = subject.balancer.reference(stream, 1)?;
+        let reference = subject.reference(stream)?;
         let task_s = reference.seconds.first().context("the device failed")?;
         let mut samples = vec![([f64::NAN; 3], [f64::NAN; METRICS.len()]); REGULAR.len() + tries.len()];
         // Every round begins with another one, so that none is always first.
