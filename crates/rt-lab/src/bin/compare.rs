@@ -32,7 +32,7 @@ struct Options {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    let scene = prepare(&options.scene, &Prepare::new(DEFAULT_BUILDER), &mut |_| {})?;
+    let scene = prepare(&options.scene, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
     let mut balancer = Balancer::new(Arc::clone(&scene.built.scene), &devices)?;

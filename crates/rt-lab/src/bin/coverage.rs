@@ -93,7 +93,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     let cases = cases(&options);
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut |_| {})?;
+        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
         let paths = scene.paths(&scene.view(), options.size, 1)?;
         let primary = paths.primary(&Wave::whole(options.size)?);

@@ -44,7 +44,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut results = Vec::new();
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut |_| {})?;
+        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let devices = CpuDevice::open_all(&[1])?;
         let device = devices.first().ok_or("no CPU device")?;
         for &kind in &options.kinds {
