@@ -21,7 +21,7 @@ impl EstimateArgs {
         let unused = |option, instead| {
             Err(usage(format!("{option} has no meaning for the estimator {}: {instead}", entry.name)))
         };
-        if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..)) {
+        if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..) | Make::Beginning(..)) {
             return unused("--fraction", "name one that samples so many rays, such as --estimator exact");
         }
         if self.budget.is_some() && !matches!(entry.make, Make::Spending(..)) {
@@ -34,7 +34,9 @@ impl EstimateArgs {
         let chosen = match entry.make {
             Make::Plain(_) => None,
             Make::Spending(..) => self.budget.and_then(|budget| entry.spending(budget)),
-            Make::Sampling(..) => self.fraction.and_then(Fraction::new).and_then(|fraction| entry.sampling(fraction)),
+            Make::Sampling(..) | Make::Beginning(..) => {
+                self.fraction.and_then(Fraction::new).and_then(|fraction| entry.sampling(fraction))
+            }
         };
         Ok(chosen.unwrap_or_else(|| entry.usual()))
     }

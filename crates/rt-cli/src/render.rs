@@ -8,7 +8,7 @@ use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::shade::Light;
 use crate::{chart, html, interrupt, output, scene, table};
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result};
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
@@ -129,8 +129,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     let base = prepared.view();
     let view = View {
-        eye: args.eye.unwrap_or(base.eye),
-        target: args.target.unwrap_or(base.target),
+        eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
+        target: args.target.map_or(base.target, |target| prepared.model.place(target)),
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
@@ -211,6 +211,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     let build = &prepared.built.report;
     SceneReport {
         source: prepared.model.source.clone(),
+        offset: prepared.model.offset.to_array(),
         triangles: prepared.model.indices.len(),
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,

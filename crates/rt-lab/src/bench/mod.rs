@@ -11,7 +11,6 @@ use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::devices::{CardOptions, Opened, Opener};
 use rt_report::command_words;
 use rt_report::output::{self, Outputs};
-use rt_scene::view;
 use std::path::PathBuf;
 use std::sync::Arc;
 use streams::BenchScene;
@@ -62,9 +61,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         named => named.to_vec(),
     };
     if let Some(path) = &options.out {
-        let outputs = Outputs::new().file("--out", path).scenes(&scenes);
-        let lists = scenes.iter().map(|scene| view::list_beside(scene));
-        lists.fold(outputs, |outputs, list| outputs.input("the cameras", &list)).check()?;
+        Outputs::new().file("--out", path).scenes(&scenes).check()?;
     }
     let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
@@ -82,7 +79,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     }
     for name in &scenes {
         let prepared = (lab.scenes)(name)?;
-        let scene = BenchScene::new(&prepared, name)?;
+        let scene = BenchScene::new(&prepared);
         let described = SceneResult {
             source: prepared.model.source.clone(),
             triangles: prepared.model.indices.len(),

@@ -4,7 +4,7 @@ use super::partial::{self, Partial};
 use super::place::{Place, parent, real_folder};
 use crate::usage::OrUsage;
 use anyhow::{Context, Result, bail, ensure};
-use rt_scene::scenes;
+use rt_scene::{scenes, view};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata};
@@ -62,13 +62,13 @@ impl Outputs {
         self
     }
 
-    /// The files of scenes; those that are built in have none.
+    /// The files of scenes, and the lists of cameras beside them; those that are built in have none.
     #[must_use]
     pub fn scenes<S: AsRef<Path>>(self, scenes: impl IntoIterator<Item = S>) -> Self {
         let is_built_in = |scene: &Path| scene.to_str().is_some_and(|name| scenes::find(name).is_some());
         scenes.into_iter().fold(self, |outputs, scene| match scene.as_ref() {
             built_in if is_built_in(built_in) => outputs,
-            file => outputs.input("the scene", file),
+            file => outputs.input("the scene", file).input("the cameras", &view::list_beside(file)),
         })
     }
 
