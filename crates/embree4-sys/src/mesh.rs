@@ -159,7 +159,7 @@ impl Mesh {
     #[inline]
     pub fn closest_16(&self, rays: &mut RTCRayHit16) {
         let valid = Valid16([-1; 16]);
-        // SAFETY: as above; mask and rays have the alignment that packets need.
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need.
         unsafe { rtcIntersect16(valid.0.as_ptr(), self.scene.0, from_mut(rays), null_mut()) }
     }
 
