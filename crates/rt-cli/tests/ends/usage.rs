@@ -66,7 +66,7 @@ const WRONG: &[(&str, &str)] = &[
     ("tradeoff scene.obj --out scene.obj", "--out"),
     ("tradeoff build scene.obj --devices cpu:1,cpu:1", "one device"),
     ("tradeoff sampling scene.obj --devices cuda:0", "cuda:0"),
-    ("tradeoff sampling scene.obj sub/scene.obj --devices cpu:1", "sampling-scene.svg"),
+    ("tradeoff sampling scene.obj ./scene.obj --devices cpu:1", "sampling-scene.svg"),
     ("tradeoff layout scene.obj --devices cpu:1", "name a graphics card"),
     ("tradeoff precision scene.obj --devices cpu:1@3", "speed"),
     ("tradeoff precision scene.obj --out scene.obj", "--out"),
