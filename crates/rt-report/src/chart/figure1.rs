@@ -7,7 +7,7 @@
 
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
-use super::sheet::{BLUE, FAINT, GRID, HPos, INK, Look, ORANGE, PURPLE, Sheet, text_room};
+use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
 use crate::output::write_atomically;
 use anyhow::{Result, ensure};
 use std::path::Path;
@@ -85,7 +85,7 @@ const FRONT: f64 = 0.5;
 /// When there is nothing to draw or a file cannot be written.
 pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
     let sheet = draw(figure)?;
-    let text = sheet.to_svg()?;
+    let text = sheet.to_svg();
     write_atomically(svg, |out| Ok(out.write_all(text.as_bytes())?))?;
     sheet.write_png(png)
 }
@@ -95,7 +95,7 @@ pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
 /// # Errors
 /// When there is nothing to draw.
 pub fn to_svg(figure: &Figure) -> Result<String> {
-    draw(figure)?.to_svg()
+    Ok(draw(figure)?.to_svg())
 }
 
 fn draw(figure: &Figure) -> Result<Sheet> {
@@ -165,7 +165,7 @@ impl Panel {
         let longest = self.longest();
         let (factor, unit) = time_unit(longest.max(1e-9));
         sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
-        sheet.text(format!("time, {unit}"), (left, top + 33.0), Look::axis(HPos::Left));
+        sheet.text(format!("time, {unit}"), (left, top + 33.0), Look::axis(Align::Left));
         let (from, to) = (left + AXIS, left + width);
         let (upper, lower) = (top + 46.0, top + 46.0 + PLOT);
         // A little air above the longest bar.
@@ -175,17 +175,17 @@ impl Panel {
         for &tick in &ticks {
             let height = y(tick / factor);
             sheet.rectangle((from, height - 0.5), (to, height + 0.5), GRID);
-            sheet.text(tick_label(tick, step), (from - 8.0, height), Look::axis(HPos::Right));
+            sheet.text(tick_label(tick, step), (from - 8.0, height), Look::axis(Align::Right));
         }
         let group_width = (to - from) / self.groups.len().max(1) as f64;
         for (index, group) in self.groups.iter().enumerate() {
             let middle = from + (index as f64 + 0.5) * group_width;
             group.draw(sheet, middle, group_width, lower, &y);
-            sheet.text(group.label.as_str(), (middle, lower + 15.0), Look::axis(HPos::Center));
+            sheet.text(group.label.as_str(), (middle, lower + 15.0), Look::axis(Align::Center));
         }
         sheet.rectangle((from, upper), (from + 1.0, lower), FAINT);
         sheet.rectangle((from, lower), (to, lower + 1.0), FAINT);
-        sheet.text("task size, rays", ((from + to) / 2.0, lower + 34.0), Look::axis(HPos::Center));
+        sheet.text("task size, rays", ((from + to) / 2.0, lower + 34.0), Look::axis(Align::Center));
     }
 }
 
