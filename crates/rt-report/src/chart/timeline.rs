@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn the_chart_names_devices_and_is_shown_in_pixels() {
-        let svg = draw(&[run(2, vec![launch(0, 0.0, 2.0), launch(1, 0.0, 1.0)])]).unwrap();
+        let svg = draw(&[run(2, vec![launch(0, 0.0, 2.0), launch(1, 0.0, 1.0)])]);
         assert!(svg.contains("width=\"1200\""));
         assert!(svg.contains("a &lt;device&gt;"));
         assert!(svg.contains("imbalance 1.00 %"));
@@ -276,10 +276,10 @@ mod tests {
         let mut odd = run(1, vec![launch(0, 1.0, 1.0), launch(0, f64::NAN, f64::INFINITY)]);
         odd.report.makespan_s = f64::NAN;
         odd.report.devices[0].error = Some("unplugged".to_owned());
-        assert!(draw(&[odd]).unwrap().contains("unplugged"));
-        assert!(draw(&[run(0, Vec::new())]).is_ok());
-        assert!(draw(&[]).unwrap().contains("nothing was traced"));
-        assert!(draw(&vec![run(300, vec![launch(299, 0.0, 1.0)]); 40]).unwrap().contains("16 longest of 40"));
+        assert!(draw(&[odd]).contains("unplugged"));
+        assert!(draw(&[run(0, Vec::new())]).ends_with("</svg>\n"));
+        assert!(draw(&[]).contains("nothing was traced"));
+        assert!(draw(&vec![run(300, vec![launch(299, 0.0, 1.0)]); 40]).contains("16 longest of 40"));
     }
 
     #[test]
@@ -292,6 +292,6 @@ mod tests {
     #[test]
     fn many_launches_stay_a_small_file() {
         let many = (0..100_000).map(|i| launch(0, f64::from(i) * 2e-5, f64::from(i + 1) * 2e-5)).collect();
-        assert!(draw(&[run(1, many)]).unwrap().len() < 200_000);
+        assert!(draw(&[run(1, many)]).len() < 200_000);
     }
 }
