@@ -51,6 +51,8 @@ pub struct Prepared {
     pub plan: Plan,
     /// The precision asked for, or the plan's.
     pub precision: Precision,
+    /// The view that a `cameras.tsv` beside the file gives.
+    pub listed: Option<View>,
     /// How it was prepared.
     pub options: Options,
     /// What the user should know of the file, one sentence each.
@@ -64,7 +66,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The model's own view, else one that shows all of it: from outside, or from inside where it is a room.
+    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from outside, or
+    /// from inside where it is a room. Pictures and measurements have the same.
     #[must_use]
     pub fn view(&self) -> View {
         let scene: &Scene = &self.built.scene;
@@ -79,7 +82,7 @@ impl Prepared {
             let outside = view::auto_view(&self.model);
             view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
         };
-        self.model.view.unwrap_or_else(automatic)
+        self.model.view.or(self.listed).unwrap_or_else(automatic)
     }
 
     /// One path for each pixel of a picture of `view`: for measurements, the rays that rendering it sends.
@@ -111,7 +114,8 @@ pub fn prepare(scene: &str, options: &Options, watch: &mut Watch<'_>) -> Result<
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);
-    Ok(Prepared { name, model, built, plan, precision, options: *options, warnings, notes, load_s, build_s })
+    let listed = view::listed(Path::new(scene), &model);
+    Ok(Prepared { name, model, built, plan, precision, listed, options: *options, warnings, notes, load_s, build_s })
 }
 
 /// A scene's triangles, and what it is called.
