@@ -24,7 +24,12 @@ impl SceneArgs {
 
     /// Loads or generates the scene, scans it and builds its tree.
     pub(crate) fn prepare(&self, scene: &str) -> Result<Prepared> {
-        let prepared = with_bar(|show| prepare::prepare(scene, &self.options(), show))?;
+        let prepared = with_bar(|show| prepare::prepare(scene, &self.options(), show)).map_err(|error| {
+            // The library does not know the option's name.
+            let defect = matches!(&error, PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }));
+            let error = anyhow::Error::from(error);
+            if defect { anyhow!("{error} (--drop-invalid)") } else { error }
+        })?;
         tell(&prepared.warnings, &prepared.notes);
         Ok(prepared)
     }
@@ -38,7 +43,7 @@ pub(crate) fn load(scene: &str) -> Result<Model> {
 }
 
 /// Shows how far a scene is loaded, if that takes long, and stops when the user asks for it.
-fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T> {
+fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T, PrepareError> {
     let start = Instant::now();
     let mut bar: Option<(LoadStage, ProgressBar)> = None;
     let mut watch = |at: LoadProgress| {
@@ -56,12 +61,7 @@ fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> 
     if let Some((_, bar)) = bar {
         bar.finish_and_clear();
     }
-    loaded.map_err(|error| {
-        // The library does not know the option's name.
-        let defect = matches!(&error, PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }));
-        let error = anyhow::Error::from(error);
-        if defect { anyhow!("{error} (--drop-invalid)") } else { error }
-    })
+    loaded
 }
 
 const fn label(stage: LoadStage) -> &'static str {
