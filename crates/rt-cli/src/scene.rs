@@ -27,7 +27,14 @@ impl SceneArgs {
 
     /// Loads or generates the scene, scans it and builds its tree.
     pub(crate) fn prepare(&self, scene: &Path) -> Result<Prepared> {
-        let prepared = with_bar(|show| prepare::prepare(scene, &self.options(), show))?;
+        let prepared =
+            with_bar(|show| prepare::prepare(scene, &self.options(), show)).map_err(|error| match error {
+                // The library does not know the option's name.
+                PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }) => {
+                    anyhow!("{error} (--drop-invalid)")
+                }
+                error => explained(error),
+            })?;
         tell(&prepared.warnings, &prepared.notes);
         Ok(prepared)
     }
@@ -40,13 +47,13 @@ pub(crate) fn check<S: AsRef<Path>>(scenes: impl IntoIterator<Item = S>) -> Resu
 
 /// Generates or loads a scene, whose triangles must be finite.
 pub(crate) fn load(scene: &Path) -> Result<Model> {
-    let named = with_bar(|show| prepare::load(scene, InvalidTriangles::Refuse, show))?;
+    let named = with_bar(|show| prepare::load(scene, InvalidTriangles::Refuse, show)).map_err(explained)?;
     tell(&named.warnings, &named.notes);
     Ok(named.model)
 }
 
 /// Shows how far a scene is loaded, if that takes long, and stops when the user asks for it.
-fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T> {
+fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T, PrepareError> {
     let start = Instant::now();
     let mut bar: Option<(LoadStage, ProgressBar)> = None;
     let mut watch = |at: LoadProgress| {
@@ -64,15 +71,13 @@ fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> 
     if let Some((_, bar)) = bar {
         bar.finish_and_clear();
     }
-    loaded.map_err(explained)
+    loaded
 }
 
 /// What the command line knows better.
 fn explained(error: PrepareError) -> anyhow::Error {
     match error {
         PrepareError::Unknown { .. } => usage(error.to_string()),
-        // The library does not know the option's name.
-        PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }) => anyhow!("{error} (--drop-invalid)"),
         error => error.into(),
     }
 }

@@ -149,7 +149,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
     output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
     output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
     output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
-    let svg = chart::to_svg(&fronts(&report))?;
+    let svg = chart::to_svg(&fronts(&report));
     output::write_atomically(&args.out.join("precision.svg"), |file| Ok(file.write_all(svg.as_bytes())?))?;
     page.section("Speed against wrong answers");
     page.chart(
