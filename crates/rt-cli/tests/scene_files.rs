@@ -184,7 +184,7 @@ fn memory_that_is_refused_while_loading_is_an_error() {
         .arg("ulimit -v 180000 && exec \"$0\" \"$@\"")
         .arg(env!("CARGO_BIN_EXE_raybalance"))
         .current_dir(&folder)
-        .args(["render", "large.obj", "--devices", "cpu:1"])
+        .args(["render", "large.obj", "--size", "64x64", "--spp", "1", "--devices", "cpu:1"])
         .output()
         .unwrap();
     let message = String::from_utf8_lossy(&run.stderr);
