@@ -95,7 +95,6 @@ impl Outputs {
             let Wanted { option, path } = wanted;
             let failed = || format!("{option}: cannot write `{}`", path.display());
             let place = Place::of(path).with_context(failed)?;
-            place.check().with_context(failed)?;
             if let Some(identity) = place.identity() {
                 if let Some(input) = inputs.get(&identity) {
                     bail!("{option} would overwrite {}, `{}`", input.option, path.display());
@@ -112,6 +111,7 @@ impl Outputs {
                     bail!("{}", other.same_file_as(wanted));
                 }
             }
+            place.check().with_context(failed)?;
             if let Place::File { path: real, .. } = place {
                 in_folders.entry(parent(&real).to_owned()).or_default().push((real, wanted));
             }
