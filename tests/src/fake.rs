@@ -57,11 +57,13 @@ pub enum Flaw {
     AcceptsInvalid,
     /// Primitive ids pass through single precision.
     RoundedIds,
+    /// Launches never return counts, and there are no walks.
+    CountsNothing,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -84,6 +86,7 @@ impl Flaw {
         Self::AbsoluteEpsilon,
         Self::AcceptsInvalid,
         Self::RoundedIds,
+        Self::CountsNothing,
     ];
 }
 
@@ -271,7 +274,7 @@ impl FakeTracer {
                 results.1.push(counts);
             }
         }
-        if !self.spec.counts {
+        if !self.spec.counts || self.has(Flaw::CountsNothing) {
             results.1.clear();
         }
         results
@@ -302,6 +305,9 @@ impl Tracer for FakeTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
+        if self.has(Flaw::CountsNothing) {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "there are no walks"));
+        }
         if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {
             return invalid("rays, counts and hits differ in number");
         }
