@@ -64,11 +64,13 @@ pub enum Flaw {
     LosesDetails,
     /// A surface that a ray starts on is not hit.
     SkipsZero,
+    /// Launches never return counts, and there are no walks.
+    CountsNothing,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -94,6 +96,7 @@ impl Flaw {
         Self::TrustsRoundings,
         Self::LosesDetails,
         Self::SkipsZero,
+        Self::CountsNothing,
     ];
 }
 
@@ -321,7 +324,7 @@ impl FakeTracer {
                 results.1.push(counts);
             }
         }
-        if !self.spec.counts {
+        if !self.spec.counts || self.has(Flaw::CountsNothing) {
             results.1.clear();
         }
         results
@@ -352,6 +355,9 @@ impl Tracer for FakeTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
+        if self.has(Flaw::CountsNothing) {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "there are no walks"));
+        }
         if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {
             return invalid("rays, counts and hits differ in number");
         }

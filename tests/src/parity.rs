@@ -1,6 +1,5 @@
 //! Trees, devices and peers compared with the exact reference on whole scenes.
 
-use crate::conformance::clock;
 use crate::judge::{Tally, judge};
 use crate::scenes;
 use rayon::prelude::*;
@@ -9,6 +8,7 @@ use rt_core::{
     Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
     tasks_of,
 };
+use rt_verify::clock;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::{Reference, Verdict};
 use rt_verify::{exact, tree};

@@ -20,7 +20,7 @@ use rt_core::{
 use rt_gpu::FaultInjection;
 use rt_sched::sample::Fraction;
 use rt_shaders::{FloatControls, Purpose};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::process::{Command, Stdio};

@@ -11,7 +11,7 @@ use rt_core::{
 };
 use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_sched::sample::Fraction;
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::{Arc, Mutex, PoisonError};

@@ -16,8 +16,8 @@ use rt_core::{
 };
 use rt_gpu::{GpuDevice, Tuning};
 use rt_scene::{View, builtin};
-use rt_tests::conformance::clock;
 use rt_tests::scenes;
+use rt_verify::clock;
 use rt_verify::tree;
 use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
