@@ -61,7 +61,8 @@ pub use clock::now as clock;
 pub use error::BalanceError;
 pub use limits::Limits;
 pub use reference::Reference;
-pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
+pub use rt_sched::queue::QueueKind;
+pub use stream::{Control, DEFAULT_TASK_SIZE, Scheduling, Stream};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]

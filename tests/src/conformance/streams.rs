@@ -22,7 +22,7 @@ pub(super) const CASES: &[Case] = &[
     Case { name: "nothing_is_an_answer_to_nothing", run: nothing_is_an_answer_to_nothing },
 ];
 
-const SPEC: StreamSpec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
+const SPEC: StreamSpec = StreamSpec::new(Query::Closest, Precision::Robust, true);
 
 fn any_split_gives_the_same_bits(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
@@ -199,7 +199,7 @@ fn nothing_is_an_answer_to_nothing(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     for query in [Query::Closest, Query::Any] {
         for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
-            let spec = StreamSpec { query, precision, counts: true };
+            let spec = StreamSpec::new(query, precision, true);
             let launch = Session::whole(device, &empty, &fixture.rays, spec)?;
             ensure!(launch.hits.iter().all(|h| *h == Hit::MISS), "{query:?}, {precision:?}: hits in an empty scene");
         }

@@ -6,7 +6,7 @@ use crate::metrics::EstimateErrors;
 use crate::sample::Fraction;
 use alloc::vec;
 use alloc::vec::Vec;
-use rt_core::{LaunchRecord, Observation, RayStream, Task, TaskId, TaskOutcome, TestCounts, Work, random};
+use rt_core::{Coherence, LaunchRecord, Observation, RayStream, Task, TaskId, TaskOutcome, TestCounts, Work, random};
 
 /// Some of a stream's tasks: enough of them to tell which estimate is better.
 #[derive(Clone, Debug)]
@@ -145,7 +145,7 @@ mod tests {
     fn an_estimate_of_a_part_is_its_tasks_and_one_of_all_stays() {
         let tasks = tasks_of(256 * 1_024, 1_024);
         let kind = StreamKind::Diffuse(0);
-        let stream = RayStream { kind, tasks: &tasks, seed: 3, part: 0, source: None, devices: 2, blind_excess: 1.0 };
+        let stream = RayStream { kind, coherence: Coherence::Unknown, tasks: &tasks, seed: 3, part: 0, source: None, devices: 2, blind_excess: 1.0 };
         let part = Part::of(stream, Fraction::new(1.0 / 64.0).expect("valid"), true);
         assert!(part.is_less_than(stream) && !part.ids.is_empty());
         let cost = |task: TaskId| Work::new(1.0, task as f32 + 1.0, 0.0);
