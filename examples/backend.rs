@@ -4,8 +4,10 @@
 //! `cargo run --release -p rt-balance --example backend`
 
 use rt_balance::cpu::CpuDevice;
-use rt_balance::{Balancer, Device, Hit, Ray, RaySource, Scene, StreamSpec, Task, TestCounts, Tracer, Walk};
-use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RayMask, Span, Ticket, intersect};
+use rt_balance::{
+    Balancer, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Ray, RayMask, RaySource, Scene,
+    Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk, intersect,
+};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
@@ -103,7 +105,7 @@ impl Tracer for BruteTracer {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let positions = [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.0, 0.9, 0.0]];
-    let info = DeviceInfo { name: "brute force".to_owned(), backend: "example", units: 1, in_flight: 1, memory: None };
+    let info = DeviceInfo::new("brute force", "example");
     let mut devices: Vec<Arc<dyn Device>> = vec![Arc::new(BruteForce(info))];
     devices.extend(CpuDevice::open_all(&[1])?.into_iter().map(|device| Arc::new(device) as Arc<dyn Device>));
     let mut balancer = Balancer::for_mesh(&positions, &[[0, 1, 2]], &devices)?;

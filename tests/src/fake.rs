@@ -3,8 +3,8 @@
 use rt_bvh::{Stack, WideTree};
 use rt_core::intersect::Shear;
 use rt_core::{
-    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
-    StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
+    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -76,9 +76,14 @@ pub use backend_vulkan as vulkan;
 #[cfg(feature = "wgpu")]
 pub use backend_wgpu as wgpu;
 
+pub use glam::Vec3;
+pub use rt_bvh::Builder;
 pub use rt_bvh::{BuildOptions, Built, Mesh, build};
 pub use rt_core::{
-    Camera, CameraRays, CostEstimator, Device, Hit, Precision, Query, Ray, RaySource, Scene, StreamKind, StreamSpec,
-    Task, TestCounts, Tracer, Walk, Work,
+    Camera, CameraRays, Capabilities, Clock, Coherence, CostEstimator, CostModel, Counted, CountsToken, Device,
+    DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, Observation, Precision, Query, Ray, RayMask,
+    RaySource, RayStream, ReducedWalk, Scene, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId,
+    TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Walk, Work, arguments, intersect,
 };
-pub use rt_sched::{estimate as estimators, policy as policies};
+pub use rt_sched::sample::Fraction;
+pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues};

@@ -30,6 +30,7 @@ use rt_sched::estimate::interval_95;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::path::Path;
 
 /// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
 const LEAST_OF_A_TASK: f64 = 0.9;
@@ -93,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     let cases = cases(&options);
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
         let paths = scene.paths(&scene.view(), options.size, 1)?;
         let primary = paths.primary(&Wave::whole(options.size)?);

@@ -1,12 +1,13 @@
 //! What an estimate costs, learned stream by stream.
 
 use alloc::vec::Vec;
-use rt_core::{StreamKind, StreamRecord};
+use rt_core::{RayStream, StreamKind, StreamRecord};
 
 /// What walking samples costs, for each kind of stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WalkPrices {
-    known: Vec<(StreamKind, Price)>,
+    /// By kind, and whether the stream is coherent.
+    known: Vec<((StreamKind, bool), Price)>,
 }
 
 /// Who reads samples on the host.
@@ -77,7 +78,7 @@ impl WalkPrices {
             None => {
                 let mut price = Price { ray, host: ASSUMED_HOST };
                 price.host[reader as usize] = host;
-                self.known.push((record.stream.kind, price));
+                self.known.push((kind, price));
             }
         }
     }

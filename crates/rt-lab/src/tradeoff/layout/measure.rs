@@ -14,6 +14,7 @@ use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
 use rt_scene::prepare::Prepared;
 use rt_verify::clock;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -71,8 +72,8 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(name)?;
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
+    let prepared = (setting.lab.scenes)(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;

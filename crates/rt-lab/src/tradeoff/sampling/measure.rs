@@ -15,6 +15,7 @@ use rt_sched::estimate::Uniform;
 use rt_sched::metrics;
 use rt_sched::sample::Fraction;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What is measured of a setting in each round; all are shares without a unit.
@@ -114,7 +115,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &str, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
         let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;

@@ -9,8 +9,8 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 use proptest::prelude::*;
-use rt_core::{Coherence, 
-    CostModel, LaunchRecord, ReducedWalk, StreamKind, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
+use rt_core::{
+    Coherence, CostModel, LaunchRecord, ReducedWalk, StreamKind, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
