@@ -24,8 +24,7 @@ impl BruteForce {
     /// Opens it.
     #[must_use]
     pub fn open() -> Self {
-        let name = "brute force".to_owned();
-        Self(DeviceInfo { name, backend: "example", units: 1, in_flight: IN_FLIGHT, memory: None })
+        Self(DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT))
     }
 }
 

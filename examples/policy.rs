@@ -42,7 +42,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut hits = vec![Hit::MISS; stream.source.len() as usize];
     // The static queue hands every device its list, and nothing else.
     let mut scheduling =
-        Scheduling { policy: Some(Box::new(TwoThirds)), queue: QueueKind::Static, ..Scheduling::default() };
+        Scheduling { policy: Some(Box::new(TwoThirds)), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
     for device in &run.report.devices {
         println!("{}: {} tasks", device.name, device.tasks);

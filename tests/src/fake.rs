@@ -4,8 +4,8 @@ use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
 use rt_core::intersect::{Shear, round_distance};
 use rt_core::{
-    Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
-    StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
+    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -119,7 +119,9 @@ impl FakeDevice {
     #[must_use]
     pub fn wide() -> Self {
         let device = Self::new(None);
-        Self { info: DeviceInfo { name: "eight-wide".to_owned(), ..device.info }, wide: true, ..device }
+        let own = device.info.capabilities.with_counts(Counted::OwnTree);
+        let info = DeviceInfo::new("eight-wide", "fake").with_in_flight(2).with_capabilities(own);
+        Self { info, wide: true, ..device }
     }
 
     /// Does everything but tracing: all rays miss.
@@ -136,7 +138,9 @@ impl FakeDevice {
 
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
-        Self { info: DeviceInfo { name, backend: "fake", units: 1, in_flight: 2, memory: None }, flaw, wide: false }
+        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree);
+        let info = DeviceInfo::new(name, "fake").with_in_flight(2).with_capabilities(capabilities);
+        Self { info, flaw, wide: false }
     }
 }
 

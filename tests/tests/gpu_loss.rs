@@ -212,7 +212,7 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
 fn scheduling(queue: QueueKind, limit: Duration) -> Scheduling {
     // What is late is told by the device, not done by others.
     let limits = Limits { late: LIMIT, lost: limit, ..Limits::default() };
-    Scheduling { estimator: Box::new(Uniform), queue, limits, ..Scheduling::default() }
+    Scheduling { estimator: Box::new(Uniform), queue: Box::new(queue), limits, ..Scheduling::default() }
 }
 
 /// Traces the stream and checks every bit of hits and counts.

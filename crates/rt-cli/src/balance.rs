@@ -51,7 +51,8 @@ impl BalanceArgs {
         let estimator = self.estimate.chosen()?.make();
         let policy = self.policy.map(|policy| (policy.make)());
         let limits = Limits::within(self.device_limit);
-        let scheduling = Scheduling { estimator, policy, queue: self.queue.make, limits, ..Scheduling::default() };
+        let queue = Box::new(self.queue.make);
+        let scheduling = Scheduling { estimator, policy, queue, limits, ..Scheduling::default() };
         scheduling.policy().context("--policy").or_usage()?;
         Ok(scheduling)
     }

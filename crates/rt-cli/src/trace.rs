@@ -30,7 +30,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
-    let spec = StreamSpec { query, precision: prepared.precision, counts: args.counts.is_some() };
+    let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
     let count = u32::try_from(rays.len()).with_context(|| format!("{}: more than 2^32 rays", args.rays.display()))?;
     let stream = Stream {
         seed: args.balance.seed,

@@ -41,6 +41,6 @@ impl Candidate<'_> {
 
     /// Nearest hits, exactly, with counts where the device counts.
     pub(crate) fn spec(&self) -> StreamSpec {
-        StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: self.claims(Capability::Counts) }
+        StreamSpec::new(Query::Closest, Precision::Robust, self.claims(Capability::Counts))
     }
 }

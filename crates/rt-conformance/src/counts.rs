@@ -28,7 +28,7 @@ pub(crate) const CASES: &[Case] = &[
 fn counts_are_the_trees_own(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for query in [Query::Closest, Query::Any] {
-            let spec = StreamSpec { query, precision: Precision::Robust, counts: true };
+            let spec = StreamSpec::new(query, Precision::Robust, true);
             let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec)?;
             let (hits, counts) = tree::trace(&fixture.scene, spec, &fixture.rays);
             same_hits(&format!("{}, {query:?}", fixture.name), &launch.hits, &hits)?;
@@ -65,7 +65,7 @@ fn full_walks_agree_with_launches(device: &Candidate<'_>) -> Result<(), String> 
     for fixture in [fixtures::plain()?, fixtures::named("needles")?] {
         for precision in [Precision::Robust, Precision::Double] {
             let mut session = Session::open(device, &fixture.scene)?;
-            session.load(&fixture.rays, StreamSpec { query: Query::Closest, precision, counts: true })?;
+            session.load(&fixture.rays, StreamSpec::new(Query::Closest, precision, true))?;
             let launch = session.trace(&session.all(), None)?;
             // Scattered, backwards, and one of them twice.
             let mut rays: Vec<u32> = (0..fixture.rays.len() as u32).rev().step_by(3).collect();

@@ -32,7 +32,7 @@ const FAST_WRONG: f64 = 0.4;
 const FAST_WRONG_INSIDE: f64 = 0.02;
 
 fn spec(query: Query, precision: Precision) -> StreamSpec {
-    StreamSpec { query, precision, counts: false }
+    StreamSpec::new(query, precision, false)
 }
 
 fn equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {

@@ -46,7 +46,7 @@ fn invalid_rays_miss(device: &Candidate<'_>) -> Result<(), String> {
     let rays: Vec<_> = rays.into_iter().flat_map(|ray| [(ray, u32::MAX), (good, u32::MAX)]).collect();
     for precision in [Precision::Robust, Precision::Double, Precision::Fast] {
         for query in [Query::Closest, Query::Any] {
-            let spec = StreamSpec { query, precision, counts: false };
+            let spec = StreamSpec::new(query, precision, false);
             let launch = Session::whole(device, &fixture.scene, &rays, spec)?;
             for (pair, rays) in launch.hits.chunks(2).zip(rays.chunks(2)) {
                 ensure!(pair[0] == Hit::MISS, "{precision:?}, {query:?}: {:?} hits: {:?}", rays[0].0, pair[0]);

@@ -90,7 +90,7 @@ fn scene(triangles: &[Triangle], rays: &[(Ray, u32)]) {
         let scene = build(mesh, &options).expect("indices are in range").scene;
         for precision in [Precision::Robust, Precision::Double] {
             for query in [Query::Closest, Query::Any] {
-                let spec = StreamSpec { query, precision, counts: false };
+                let spec = StreamSpec::new(query, precision, false);
                 let mut hits = Vec::new();
                 let mut stack = Stack::for_scene(&scene);
                 rt_bvh::trace(&scene, &mut stack, spec, rays.iter().copied(), |hit, _| hits.push(hit));

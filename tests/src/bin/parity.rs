@@ -136,7 +136,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let mut reports = Vec::new();
     for (name, device, precision) in peers {
         let judged = [Query::Closest, Query::Any].map(|query| {
-            let spec = StreamSpec { query, precision: *precision, counts: false };
+            let spec = StreamSpec::new(query, *precision, false);
             exam.ask(&**device, &scene_of_peers, spec).map(|hits| exam.judge(&hits, query))
         });
         match judged {

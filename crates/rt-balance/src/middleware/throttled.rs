@@ -166,7 +166,7 @@ mod tests {
     }
 
     fn throttled(speed: f64) -> Option<Throttled> {
-        let info = DeviceInfo { name: "one".to_owned(), backend: "cpu", units: 1, in_flight: 1, memory: None };
+        let info = DeviceInfo::new("one", "cpu");
         Throttled::new(Arc::new(OneSecond(info)), speed)
     }
 

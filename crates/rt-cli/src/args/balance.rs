@@ -35,7 +35,7 @@ pub(crate) struct BalanceArgs {
     pub(crate) cards: CardArgs,
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
-    /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
+    /// How tasks are dealt to devices, or ordered (central queue)
     #[arg(long, value_parser = named(POLICIES), value_name = "NAME")]
     pub(crate) policy: Option<&'static Entry<MakePolicy>>,
     /// How devices get their tasks

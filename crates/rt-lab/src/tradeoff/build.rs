@@ -128,7 +128,8 @@ fn speed(lab: Lab<'_>, balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<
     if stream.source.is_empty() {
         return Ok(f64::NAN);
     }
-    let mut plain = Scheduling { estimator: Box::new(Uniform), queue: QueueKind::Static, ..Scheduling::default() };
+    let mut plain =
+        Scheduling { estimator: Box::new(Uniform), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = trace(lab, balancer, stream, &mut plain, hits)?;
     Ok(f64::from(run.report.rays) / run.report.makespan_s / 1e6)
 }

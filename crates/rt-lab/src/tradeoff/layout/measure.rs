@@ -149,7 +149,7 @@ fn trace(
     round: u32,
     precision: Precision,
 ) -> Result<()> {
-    let spec = StreamSpec { query: kind.query, precision, counts: false };
+    let spec = StreamSpec::new(kind.query, precision, false);
     let mut hits = [(); 2].map(|()| Vec::new());
     for turn in 0..LAYOUTS.len() {
         lab.go_on()?;
@@ -179,7 +179,7 @@ fn tests(prepared: &Prepared, wide: Option<&WideTree>, kind: &Kind) -> [f64; 2] 
     /// Rays that one core counts at a time.
     const CHUNK: u32 = 1 << 12;
     let scene = &prepared.built.scene;
-    let spec = StreamSpec { query: kind.query, precision: prepared.precision, counts: true };
+    let spec = StreamSpec::new(kind.query, prepared.precision, true);
     let rays = kind.source.len();
     let chunk = |chunk: u32| {
         let own = (chunk * CHUNK..rays.min((chunk + 1) * CHUNK)).map(|i| kind.source.ray(i));

@@ -255,7 +255,7 @@ impl Bench<'_> {
                 // Rotated, and every other round backwards: each precision follows each other one equally often.
                 let place = if round.is_multiple_of(2) { turn } else { PRECISIONS.len() - 1 - turn };
                 let which = (round / 2 + place) % PRECISIONS.len();
-                let spec = StreamSpec { query: kind.query, precision: PRECISIONS[which], counts: false };
+                let spec = StreamSpec::new(kind.query, PRECISIONS[which], false);
                 let launch = launch(tracer.as_mut(), &kind.source, spec).with_context(fails)?;
                 if round > 0 {
                     timed[which].seconds.push(launch.span.duration().as_secs_f64());

@@ -257,7 +257,7 @@ fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.le
     let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
     REGULAR.map(|regular| {
         let policy = regular.policy();
-        let queue = policy.as_deref().map_or(Queue::Hybrid, Queue::Static);
+        let queue = Queue::new(&regular.queue, policy.as_deref());
         MACHINES.map(|(_, speeds)| {
             let replay = Replay { speeds, task_s, launch_s };
             metrics::excess(replay.regular(queue, &rays), replay.lower_bound()).unwrap_or(f64::NAN)
@@ -272,7 +272,7 @@ fn sample(tried: &StreamRun, plain: &StreamRun, task_s: &[f64]) -> Sample {
     let seen = Observed::of(tried);
     let excess = MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: seen.launch_s };
-        let (total, _) = replay.cost_initialised(Queue::Hybrid, &seen);
+        let (total, _) = replay.cost_initialised(Queue::HYBRID, &seen);
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     });
     let estimate = &tried.report.estimate;
