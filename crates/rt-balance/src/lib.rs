@@ -84,10 +84,10 @@ pub use glam;
 pub use rt_bvh::PlocQuality;
 pub use rt_bvh::{BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, build};
 pub use rt_core::{
-    Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel, Counted, CountsToken, Device, DeviceError,
-    DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, MAX_DEPTH, Node, Observation, Precision, PrimitiveIds,
-    Query, Raster, Ray, RayMask, RaySource, RayStream, ReducedWalk, Scene, SceneError, SceneParts, Span, Step,
-    StreamKind, StreamRecord, StreamSpec, Task, TaskId, TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle,
-    Walk, Work, arguments, bounce, intersect, morton, random, tasks_of,
+    Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
+    Counted, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, MAX_DEPTH, Node,
+    Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask, RaySource, RayStream, ReducedWalk, Scene,
+    SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId, TaskOutcome, TestCounts,
+    Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect, morton, random, tasks_of,
 };
 pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues, sample};

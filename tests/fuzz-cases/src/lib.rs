@@ -20,4 +20,5 @@ pub use scheduling::scheduling;
 pub type Case = fn(&[u8]);
 
 /// All cases by the name of their program and their folder in the corpus.
-pub const CASES: &[(&str, Case)] = &[("obj", obj), ("npy", npy), ("geometry", geometry), ("predicates", predicates), ("scheduling", scheduling)];
+pub const CASES: &[(&str, Case)] =
+    &[("obj", obj), ("npy", npy), ("geometry", geometry), ("predicates", predicates), ("scheduling", scheduling)];

@@ -96,9 +96,9 @@ fn junctions(trial: &Trial<'_>) -> Row {
         let steps = random::pcg3d([options.seed, i, 41]);
         let axis = i as usize % 3;
         let mut at = Vec3::ZERO;
-        at[axis] = if i % 2 == 0 { (steps[0] % 9) as f32 / 4.0 - 1.0 } else { 2.0 * unit(42).x - 1.0 };
-        at[(axis + 1) % 3] = if steps[1] % 2 == 0 { 1.0 } else { -1.0 };
-        at[(axis + 2) % 3] = if steps[2] % 2 == 0 { 1.0 } else { -1.0 };
+        at[axis] = if i.is_multiple_of(2) { (steps[0] % 9) as f32 / 4.0 - 1.0 } else { 2.0 * unit(42).x - 1.0 };
+        at[(axis + 1) % 3] = if steps[1].is_multiple_of(2) { 1.0 } else { -1.0 };
+        at[(axis + 2) % 3] = if steps[2].is_multiple_of(2) { 1.0 } else { -1.0 };
         (Ray::new(from, at - from), u32::MAX)
     };
     let rays: Vec<_> = (0..options.rays() / 4).map(ray).collect();
