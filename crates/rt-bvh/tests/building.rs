@@ -4,7 +4,7 @@ mod common;
 
 use common::{Model, Random, closest, grid, nasty_rays, scene_of, soup, with};
 use glam::Vec3;
-use rt_bvh::{BuildError, BuildOptions, Builder, InvalidTriangles, Mesh, TreeStats, build};
+use rt_bvh::{BuildError, BuildOptions, Builder, InvalidTriangles, Mesh, TreeStats, build, build_with};
 use rt_core::{Hit, MAX_DEPTH, Precision, Ray};
 
 /// Triangles whose boxes all have their centre at the origin.
@@ -61,8 +61,60 @@ fn no_mesh_makes_a_builder_slow_or_a_tree_deep() {
             let kept = built.report.triangles - built.report.dropped_degenerate;
             assert!(stats.depth <= MAX_DEPTH && stats.largest_leaf <= 4, "{name}, {builder}: {stats:?}");
             assert_eq!(built.scene.triangles().len(), kept as usize, "{name}, {builder}");
-            assert_eq!(built.report.builder == builder, built.report.fallback.is_none(), "{name}, {builder}");
+            assert!(built.report.builder == builder || built.report.fallback.is_some(), "{name}, {builder}");
         }
+    }
+}
+
+/// A hundred thousand triangles of the kinds that make clustering or reinsertion quadratic: minutes for each builder, were
+/// they not split into small parts first. Fails, by never ending, when `MOST_CLUSTERED` is lifted.
+#[test]
+fn no_hundred_thousand_triangles_make_a_builder_slow() {
+    let count = 100_000;
+    let made = |corner: &dyn Fn(u32) -> [Vec3; 3]| {
+        let mut model = Model::default();
+        (0..count).for_each(|i| model.push(corner(i)));
+        model
+    };
+    let triangle = [Vec3::X, Vec3::new(-0.5, 0.866, 0.0), Vec3::new(-0.5, -0.866, 0.0)];
+    let sized = |i: u32| 1.0 + i as f32 / count as f32;
+    let series = |i: u32| libm::powf(1.0 + 1e-4, i as f32);
+    for (name, model) in [
+        ("nested", made(&|i| triangle.map(|p| p * sized(i)))),
+        ("equal", made(&|_| triangle)),
+        ("collinear", made(&|i| triangle.map(|p| p + Vec3::splat(i as f32)))),
+        ("geometric series", made(&|i| triangle.map(|p| p * series(i) + Vec3::X * (series(i) * 1e4)))),
+        ("interleaved", made(&|i| triangle.map(|p| p * sized(i) + Vec3::X * (i % 7) as f32))),
+        ("nested elsewhere", made(&|i| triangle.map(|p| p * sized(i) + Vec3::Y * sized(i) * 1e-3))),
+    ] {
+        for builder in [Builder::ALL[0], Builder::ALL[1], *Builder::ALL.last().expect("some")] {
+            let (mut words, mut last) = (0, 0);
+            let mut proceed = |placed, all| {
+                assert!(last < placed && placed <= all && all == count);
+                (words, last) = (words + 1, placed);
+                true
+            };
+            let built = build_with(model.mesh(), &with(builder), &mut proceed).expect("finite mesh");
+            let stats = TreeStats::of(&built.scene);
+            assert!(stats.depth <= MAX_DEPTH && stats.largest_leaf <= 8, "{name}, {builder}: {stats:?}");
+            assert!(words > 5, "{name}, {builder}: {words} words of progress");
+            let report = built.report;
+            assert_eq!(report.fallback.is_some(), report.fallback_triangles > 0, "{name}, {builder}");
+            assert!(report.fallback_triangles <= count, "{name}, {builder}");
+        }
+    }
+}
+
+#[test]
+fn building_stops_when_it_is_told_to() {
+    let model = soup(50_000, 0.01, 4);
+    for &builder in Builder::ALL {
+        let mut words = 0;
+        let stopped = build_with(model.mesh(), &with(builder), &mut |_, _| {
+            words += 1;
+            words < 3
+        });
+        assert_eq!((stopped.err(), words), (Some(BuildError::Cancelled), 3), "{builder}");
     }
 }
 

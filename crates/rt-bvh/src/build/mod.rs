@@ -10,6 +10,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 use gather::Gathered;
+#[cfg(feature = "obvhs")]
+use rt_core::MAX_DEPTH;
 use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 
 /// Builds a scene from `mesh`.
@@ -21,40 +23,116 @@ use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 /// When an index is not below the number of positions, a coordinate is not finite (unless those triangles are to be
 /// dropped), or there are too many triangles for 32-bit ids.
 pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
+    build_with(mesh, options, &mut |_, _| true)
+}
+
+/// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are, and
+/// says whether to go on.
+///
+/// # Errors
+/// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.
+pub fn build_with(
+    mesh: Mesh<'_>,
+    options: &BuildOptions,
+    proceed: &mut dyn FnMut(u32, u32) -> bool,
+) -> Result<Built, BuildError> {
     let gathered = gather::gather(mesh, options.invalid)?;
-    let (scene, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1))?;
+    let mut control = Control { proceed, placed: 0, told: 0, all: gathered.references.len() as u32 };
+    let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
-        fallback,
+        fallback: fallback.map(|(reason, _)| reason),
+        fallback_triangles: fallback.map_or(0, |(_, triangles)| triangles),
         triangles: gathered.primitive_count,
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
     };
-    Ok(Built { scene: Arc::new(scene), report })
+    Ok(Built { scene: Arc::new(finish(&gathered, tree)?), report })
 }
 
-/// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
+/// Whoever wants to know how far a tree is built, and may stop it.
+struct Control<'a> {
+    proceed: &'a mut dyn FnMut(u32, u32) -> bool,
+    placed: u32,
+    /// Triangles that were in place when `proceed` was last asked.
+    told: u32,
+    all: u32,
+}
+
+/// Triangles placed between two words: a few milliseconds.
+const WORD: u32 = 1 << 13;
+
+impl Control<'_> {
+    fn placed(&mut self, triangles: u32) -> Result<(), BuildError> {
+        self.placed += triangles;
+        if self.placed - self.told < WORD {
+            return Ok(());
+        }
+        self.told = self.placed;
+        if (self.proceed)(self.placed, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
+    }
+}
+
+/// Room for `more` entries, or an error that says for what and how many bytes.
+fn reserve<T>(vector: &mut Vec<T>, more: usize, what: &'static str) -> Result<(), BuildError> {
+    let bytes = ((vector.len() as u64).saturating_add(more as u64)).saturating_mul(size_of::<T>() as u64);
+    vector.try_reserve(more).map_err(|_| BuildError::OutOfMemory { what, bytes })
+}
+
+fn reserved<T>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
+    let mut vector = Vec::new();
+    reserve(&mut vector, count, what)?;
+    Ok(vector)
+}
+
+/// Builds with `builder` or, where that refuses, with [`Builder::Sah`]; says which, why, and for how many triangles.
 fn grow(
     gathered: &Gathered,
     builder: Builder,
     max_leaf: u32,
-) -> Result<(Scene, Builder, Option<Fallback>), BuildError> {
-    let fallback = match builder {
-        Builder::Sah => None,
+    control: &mut Control<'_>,
+) -> Result<(Tree, Builder, Option<(Fallback, u32)>), BuildError> {
+    let references = &gathered.references;
+    match builder {
+        Builder::Sah => Ok((sah::build(references, max_leaf, control)?, builder, None)),
         #[cfg(feature = "obvhs")]
         Builder::Ploc(quality) => {
-            let scene = ploc::build(&gathered.references, quality, max_leaf).and_then(|tree| {
-                // Too deep a tree is found by the scene's own check.
-                finish(gathered, tree).map_err(|_| Fallback::TooDeep)
-            });
-            match scene {
-                Ok(scene) => return Ok((scene, builder, None)),
-                Err(reason) => Some(reason),
+            let (mut fallback, mut left) = (None, 0);
+            let below = |some: &[gather::Reference], depth: u32| {
+                // One or two beside many others are not worth a word.
+                if some.len() < 3 && references.len() >= 3 {
+                    return None;
+                }
+                let tree = ploc::build(some, quality, max_leaf).and_then(|tree| {
+                    let fits = depth - 1 + depth_of(&tree.nodes) <= MAX_DEPTH;
+                    if fits { Ok(tree) } else { Err(Fallback::TooDeep) }
+                });
+                tree.map_err(|reason| {
+                    fallback.get_or_insert(reason);
+                    left += some.len() as u32;
+                })
+                .ok()
+            };
+            let tree = sah::build_over(references, max_leaf, ploc::MOST_CLUSTERED, below, control)?;
+            let all = left == references.len() as u32;
+            let builder = if all && fallback.is_some() { Builder::Sah } else { builder };
+            Ok((tree, builder, fallback.map(|reason| (reason, left))))
+        }
+    }
+}
+
+/// Most inner nodes on a path from the root; children come after their parents.
+#[cfg(feature = "obvhs")]
+fn depth_of(nodes: &[Node]) -> u32 {
+    let mut depths = alloc::vec![1_u32; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for side in 0..2 {
+            if let Child::Inner(child) = node.child(side) {
+                depths[child as usize] = depths[index] + 1;
             }
         }
-    };
-    let scene = finish(gathered, sah::build(&gathered.references, max_leaf))?;
-    Ok((scene, Builder::Sah, fallback))
+    }
+    depths.into_iter().max().unwrap_or(0)
 }
 
 /// What a builder makes of references: nodes with their boxes, and the references' positions in leaf order.
@@ -70,10 +148,14 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     if !gathered.exact_references {
         fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
     }
+    let mut in_order = reserved(order.len(), "the triangles in the tree's order")?;
+    in_order.extend(order.iter().map(|&i| triangles[i as usize]));
+    let mut ids = reserved(order.len(), "the ids of triangles")?;
+    ids.extend(order.iter().map(|&i| primitives[i as usize]));
     Scene::new(SceneParts {
         nodes,
-        triangles: order.iter().map(|&i| triangles[i as usize]).collect(),
-        primitives: order.iter().map(|&i| primitives[i as usize]).collect(),
+        triangles: in_order,
+        primitives: ids,
         scale_exponent: gathered.scale_exponent,
         primitive_count: gathered.primitive_count,
     })
@@ -108,10 +190,12 @@ pub struct Built {
 /// How a scene was built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildReport {
-    /// The builder whose tree it is.
+    /// The builder whose tree it is, in all or in part.
     pub builder: Builder,
-    /// Why that is not the one asked for; `None` when it is.
+    /// Why some or all triangles were left to [`Builder::Sah`] instead of the builder asked for; `None` when none were.
     pub fallback: Option<Fallback>,
+    /// How many triangles those are.
+    pub fallback_triangles: u32,
     /// Number of triangles given.
     pub triangles: u32,
     /// Number of triangles left out because they have no area.
@@ -167,6 +251,15 @@ pub enum BuildError {
         /// Number of triangles given.
         triangles: usize,
     },
+    /// There is no memory.
+    OutOfMemory {
+        /// For what.
+        what: &'static str,
+        /// How many bytes it takes.
+        bytes: u64,
+    },
+    /// Whoever asked for the tree wants it no more.
+    Cancelled,
     /// The tree failed its check: a defect of this crate, not of the mesh.
     Scene(SceneError),
 }
@@ -185,6 +278,8 @@ impl fmt::Display for BuildError {
             Self::TooManyTriangles { triangles } => {
                 write!(f, "{triangles} triangles are too many: at most {} can have an id; split the mesh", u32::MAX)
             }
+            Self::OutOfMemory { what, bytes } => write!(f, "no memory for {what}: {bytes} bytes are needed"),
+            Self::Cancelled => write!(f, "building the tree was stopped"),
             Self::Scene(_) => write!(f, "the builder made a faulty tree; please report this"),
         }
     }

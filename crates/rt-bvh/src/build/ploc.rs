@@ -12,6 +12,13 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2;
 use rt_core::{Aabb, Child, Node, random};
 
+/// Most references that are clustered at once; larger scenes are split by [`super::sah`] first.
+///
+/// Clustering joins boxes that are each other's best partner, and reinsertion looks for the best place of each: both take time
+/// quadratic in the number of boxes where these are nested, whatever is done against ties, and neither can be stopped. So no
+/// input costs more than this many times what a triangle of it costs in the best case.
+pub(super) const MOST_CLUSTERED: u32 = 1 << 12;
+
 /// Cells along an axis of the grid on which `obvhs` sorts centroids: triangles in one cell keep no order.
 const CELLS: f32 = (1 << 20) as f32;
 
