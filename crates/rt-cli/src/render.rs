@@ -118,8 +118,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     let base = prepared.view();
     let view = View {
-        eye: args.eye.unwrap_or(base.eye),
-        target: args.target.unwrap_or(base.target),
+        eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
+        target: args.target.map_or(base.target, |target| prepared.model.place(target)),
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
@@ -143,7 +143,7 @@ fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-/// Bytes that what is recorded of a task takes, and of what is written about it: 250 measured, for as many as there are.
+/// Bytes that what is recorded of a task takes, and what is written about it: an estimate, meant to be too high.
 const BYTES_PER_TASK: u64 = 512;
 
 /// Least memory in which rays are traced.
@@ -200,6 +200,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     let build = &prepared.built.report;
     SceneReport {
         source: prepared.model.source.clone(),
+        offset: prepared.model.offset.to_array(),
         triangles: prepared.model.indices.len(),
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,

@@ -157,8 +157,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         Ok(scenes) => all.extend(scenes.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
             found.trial(&name, move |found| {
-                let mut model = scene.load()?;
-                model.view = scene.view;
+                let model = scene.load()?;
                 hits::compare(&*found.device, &model)
             })
         })),

@@ -36,6 +36,7 @@ pub fn build_with(
     options: &BuildOptions,
     proceed: &mut dyn FnMut(u32, u32) -> bool,
 ) -> Result<Built, BuildError> {
+    let _environment = rt_fenv::Environment::enter();
     let gathered = gather::gather(mesh, options.invalid)?;
     let mut control = Control { proceed, placed: 0, told: 0, all: gathered.references.len() as u32 };
     let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;

@@ -9,7 +9,9 @@ use alloc::vec::Vec;
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
 use rt_core::{Aabb, Child, Node, random};
 
 /// Most references that are clustered at once; larger scenes are split by [`super::sah`] first.
@@ -43,8 +45,26 @@ pub(super) fn build(references: &[Reference], quality: PlocQuality, max_leaf: u3
     };
     params.max_prims_per_leaf = params.max_prims_per_leaf.min(max_leaf);
     let boxes: Vec<_> = references.iter().map(untied).collect();
-    let mut unused_time = core::time::Duration::ZERO;
-    Ok(convert(&build_bvh2(&boxes, params, &mut unused_time), references))
+    Ok(convert(&cluster(&boxes, &params), references))
+}
+
+/// The steps of `obvhs::bvh2::builder::build_bvh2`, which in debug builds panics where a tree is deeper than `obvhs` itself may
+/// traverse: nested boxes suffice for that. Whether a tree is too deep for us is for the caller to say.
+fn cluster(boxes: &[obvhs::aabb::Aabb], params: &BvhBuildParams) -> Bvh2 {
+    let order = (0..boxes.len() as u32).collect();
+    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        boxes,
+        order,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    let mut optimizer = ReinsertionOptimizer::default();
+    optimizer.run(&mut bvh, params.reinsertion_batch_ratio, None);
+    collapse(&mut bvh, params.max_prims_per_leaf.clamp(1, 255), params.collapse_traversal_cost);
+    let ratio = params.reinsertion_batch_ratio * params.post_collapse_reinsertion_batch_ratio_multiplier;
+    optimizer.run(&mut bvh, ratio, None);
+    bvh
 }
 
 /// Whether so many centroids fall into the same cells that clustering would take forever.
