@@ -3,7 +3,7 @@
 use crate::executor::Executor;
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
-use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
 use std::fmt;
 use std::sync::Arc;
 
@@ -56,7 +56,10 @@ impl CpuDevice {
             [first, .., last] => format!("CPU {index} (cores {}-{})", first.id, last.id),
         };
         let executor = Executor::new(index, threads, cores).map_err(|source| OpenError { threads, source })?;
-        let info = DeviceInfo { name, backend: "cpu", units: threads as u32, in_flight: IN_FLIGHT, memory: None };
+        let info = DeviceInfo::new(name, "cpu")
+            .with_units(threads as u32)
+            .with_in_flight(IN_FLIGHT)
+            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree));
         Ok(Self { info, executor: Arc::new(executor) })
     }
 }
@@ -90,6 +93,7 @@ impl fmt::Display for OpenError {
 
 impl std::error::Error for OpenError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        Some(&self.source)
+        // What the system said; rayon's error says no more.
+        self.source.source().or(Some(&self.source))
     }
 }
