@@ -262,10 +262,10 @@ mod tests {
                 }
                 if told.len() < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
             };
-            let stopped = prepare("yard", &Options::new(builder), &mut watch);
+            let stopped = prepare(Path::new("yard"), &Options::new(builder), &mut watch);
             assert!(matches!(stopped, Err(PrepareError::Load(LoadError { fault: Fault::Stopped, .. }))), "{builder}");
             assert_eq!((told.len(), told[0].0), (3, 0), "{builder}");
-            assert!(told.is_sorted() && told[2].0 > told[1].0 && told[2].0 <= told[2].1, "{builder}: {told:?}");
+            assert!(told.is_sorted() && told[2].0 <= told[2].1, "{builder}: {told:?}");
         }
     }
 

@@ -27,7 +27,7 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
 }
 
 /// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are, and
-/// says whether to go on.
+/// says whether to go on. What the crate `obvhs` does is asked about between its steps only.
 ///
 /// # Errors
 /// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.
@@ -42,8 +42,7 @@ pub fn build_with(
     let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
-        fallback: fallback.map(|(reason, _)| reason),
-        fallback_triangles: fallback.map_or(0, |(_, triangles)| triangles),
+        fallback,
         triangles: gathered.primitive_count,
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
@@ -69,6 +68,10 @@ impl Control<'_> {
         if self.placed - self.told < WORD {
             return Ok(());
         }
+        self.ask()
+    }
+
+    fn ask(&mut self) -> Result<(), BuildError> {
         self.told = self.placed;
         if (self.proceed)(self.placed, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
     }
@@ -86,40 +89,24 @@ fn reserved<T>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
     Ok(vector)
 }
 
-/// Builds with `builder` or, where that refuses, with [`Builder::Sah`]; says which, why, and for how many triangles.
+/// Builds with `builder` or, where that refuses, with [`Builder::Sah`]; says which and why.
 fn grow(
     gathered: &Gathered,
     builder: Builder,
     max_leaf: u32,
     control: &mut Control<'_>,
-) -> Result<(Tree, Builder, Option<(Fallback, u32)>), BuildError> {
+) -> Result<(Tree, Builder, Option<Fallback>), BuildError> {
     let references = &gathered.references;
-    match builder {
-        Builder::Sah => Ok((sah::build(references, max_leaf, control)?, builder, None)),
+    let fallback = match builder {
+        Builder::Sah => None,
         #[cfg(feature = "obvhs")]
-        Builder::Ploc(quality) => {
-            let (mut fallback, mut left) = (None, 0);
-            let below = |some: &[gather::Reference], depth: u32| {
-                // One or two beside many others are not worth a word.
-                if some.len() < 3 && references.len() >= 3 {
-                    return None;
-                }
-                let tree = ploc::build(some, quality, max_leaf).and_then(|tree| {
-                    let fits = depth - 1 + depth_of(&tree.nodes) <= MAX_DEPTH;
-                    if fits { Ok(tree) } else { Err(Fallback::TooDeep) }
-                });
-                tree.map_err(|reason| {
-                    fallback.get_or_insert(reason);
-                    left += some.len() as u32;
-                })
-                .ok()
-            };
-            let tree = sah::build_over(references, max_leaf, ploc::MOST_CLUSTERED, below, control)?;
-            let all = left == references.len() as u32;
-            let builder = if all && fallback.is_some() { Builder::Sah } else { builder };
-            Ok((tree, builder, fallback.map(|reason| (reason, left))))
-        }
-    }
+        Builder::Ploc(quality) => match ploc::build(references, quality, max_leaf, control)? {
+            Ok(tree) if depth_of(&tree.nodes) <= MAX_DEPTH => return Ok((tree, builder, None)),
+            Ok(_) => Some(Fallback::TooDeep),
+            Err(reason) => Some(reason),
+        },
+    };
+    Ok((sah::build(references, max_leaf, control)?, Builder::Sah, fallback))
 }
 
 /// Most inner nodes on a path from the root; children come after their parents.
@@ -160,7 +147,10 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
         scale_exponent: gathered.scale_exponent,
         primitive_count: gathered.primitive_count,
     })
-    .map_err(BuildError::Scene)
+    .map_err(|error| match error {
+        SceneError::OutOfMemory { bytes } => BuildError::OutOfMemory { what: "the check of the tree", bytes },
+        defect => BuildError::Scene(defect),
+    })
 }
 
 /// Fits all boxes to those of what is in the leaves.
@@ -191,12 +181,10 @@ pub struct Built {
 /// How a scene was built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildReport {
-    /// The builder whose tree it is, in all or in part.
+    /// The builder whose tree it is.
     pub builder: Builder,
-    /// Why some or all triangles were left to [`Builder::Sah`] instead of the builder asked for; `None` when none were.
+    /// Why that is not the one asked for; `None` when it is.
     pub fallback: Option<Fallback>,
-    /// How many triangles those are.
-    pub fallback_triangles: u32,
     /// Number of triangles given.
     pub triangles: u32,
     /// Number of triangles left out because they have no area.

@@ -8,7 +8,6 @@ use super::gather::Reference;
 use super::{BuildError, Control, Tree, reserve, reserved};
 use crate::stats::{NODE_COST, TRIANGLE_COST};
 use alloc::vec;
-use alloc::vec::Vec;
 use glam::{Vec3A, Vec4};
 use rt_core::{Aabb, Child, MAX_DEPTH, Node};
 
@@ -16,39 +15,16 @@ use rt_core::{Aabb, Child, MAX_DEPTH, Node};
 const BINS: usize = 16;
 
 pub(super) fn build(references: &[Reference], max_leaf: u32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
-    build_over(references, max_leaf, 0, |_, _| None, control)
-}
-
-/// Builds the upper part of a tree, over subtrees of at most `small` references that `below` makes of them, told the depth at
-/// which they will hang. What it refuses is built here.
-pub(super) fn build_over(
-    references: &[Reference],
-    max_leaf: u32,
-    small: u32,
-    mut below: impl FnMut(&[Reference], u32) -> Option<Tree>,
-    control: &mut Control<'_>,
-) -> Result<Tree, BuildError> {
     let mut own = reserved(references.len(), "the boxes of triangles")?;
     own.extend_from_slice(references);
     let mut references = own;
     let mut nodes = vec![Node::EMPTY];
     if !references.is_empty() {
         // A node is made when its turn comes, so that a subtree's nodes lie together.
-        let mut open = vec![(Range::around(&references), None::<(usize, usize)>, 1_u32, false)];
-        while let Some((range, parent, depth, mut refused)) = open.pop() {
+        let mut open = vec![(Range::around(&references), None::<(usize, usize)>, 1_u32)];
+        while let Some((range, parent, depth)) = open.pop() {
             let (node, side) = parent.unwrap_or((0, 0));
-            if !refused && range.count <= small {
-                let own = &mut references[range.first as usize..][..range.count as usize];
-                if let Some(tree) = below(own, depth) {
-                    control.placed(range.count)?;
-                    range.hang(tree, own, &mut nodes, parent);
-                    continue;
-                }
-                refused = true;
-            }
-            // More than a subtree may hold is split whatever it costs.
-            let most = if refused || small == 0 { max_leaf } else { small };
-            let Some(halves) = range.split(&mut references, most, depth) else {
+            let Some(halves) = range.split(&mut references, max_leaf, depth) else {
                 control.placed(range.count)?;
                 let leaf = Child::Leaf { first: range.first, count: range.count };
                 nodes[node].set(side, range.bounds.aabb(), leaf);
@@ -61,8 +37,8 @@ pub(super) fn build_over(
                 nodes[node].set(side, range.bounds.aabb(), Child::Inner(index as u32));
             }
             let [first, second] = halves;
-            open.push((second, Some((index, 1)), depth + 1, refused));
-            open.push((first, Some((index, 0)), depth + 1, refused));
+            open.push((second, Some((index, 1)), depth + 1));
+            open.push((first, Some((index, 0)), depth + 1));
         }
     }
     let mut order = reserved(references.len(), "the order of triangles")?;
@@ -133,34 +109,6 @@ impl Range {
         self.count += 1;
         self.bounds.add(&bounds);
         self.centroids.add(&Bounds { min: centroid, max: centroid });
-    }
-
-    /// Hangs a tree of these references, `own`, which it brings into its order, where the range belongs.
-    fn hang(&self, tree: Tree, own: &mut [Reference], nodes: &mut Vec<Node>, parent: Option<(usize, usize)>) {
-        let given = own.to_vec();
-        own.iter_mut().zip(&tree.order).for_each(|(place, &i)| *place = given[i as usize]);
-        let Some((node, side)) = parent else {
-            *nodes = tree.nodes;
-            return;
-        };
-        let base = nodes.len() as u32;
-        let moved = |child| match child {
-            Child::Inner(index) => Child::Inner(base + index),
-            Child::Leaf { first, count } => Child::Leaf { first: self.first + first, count },
-            Child::Absent => Child::Absent,
-        };
-        // Only the root of a scene may have one child alone.
-        if let [Node { count: [_, 0], child: [_, u32::MAX], .. }] = tree.nodes[..] {
-            nodes[node].set(side, self.bounds.aabb(), moved(tree.nodes[0].child(0)));
-            return;
-        }
-        nodes[node].set(side, self.bounds.aabb(), Child::Inner(base));
-        nodes.extend(tree.nodes.into_iter().map(|mut inner| {
-            for side in 0..2 {
-                inner.set(side, inner.bounds[side], moved(inner.child(side)));
-            }
-            inner
-        }));
     }
 
     /// The two parts this range is best split into, or `None` when it is best left a leaf.
