@@ -59,7 +59,7 @@ impl CpuDevice {
         let info = DeviceInfo::new(name, "cpu")
             .with_units(threads as u32)
             .with_in_flight(IN_FLIGHT)
-            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree));
+            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits());
         Ok(Self { info, executor: Arc::new(executor) })
     }
 }

@@ -27,6 +27,7 @@ impl Profile {
         let capabilities = Capabilities::UNKNOWN
             .with_reduced_walks(&[ReducedWalk::LeafAsHit, ReducedWalk::Unshortened])
             .with_counts(Counted::SceneTree)
+            .with_defined_bits()
             .making_rays();
         // Neither API tells the number of units.
         let info = DeviceInfo::new(card.name.clone(), backend)
