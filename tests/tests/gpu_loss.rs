@@ -47,7 +47,7 @@ struct Opening {
 /// A device, and its own account of what it traced.
 struct Opened {
     device: Arc<dyn Device>,
-    tally: Box<dyn Fn() -> Counted>,
+    counters: Box<dyn Fn() -> Counted>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,8 +150,8 @@ fn all<T: GpuDevice + 'static>(devices: impl Iterator<Item = T>) -> Result<Vec<O
     let opened = |device| {
         let device = Arc::new(device);
         let of: Arc<T> = Arc::clone(&device);
-        let tally = move || Counted { rays: of.tally().rays(), on_host: of.tally().on_host() };
-        Opened { device, tally: Box::new(tally) }
+        let counters = move || Counted { rays: of.counters().rays(), on_host: of.counters().on_host() };
+        Opened { device, counters: Box::new(counters) }
     };
     let found: Vec<Opened> = devices.map(opened).collect();
     if found.is_empty() { Err("no device can be used".to_owned()) } else { Ok(found) }
@@ -417,7 +417,7 @@ fn once(backend: Backend, _: usize) -> Result<(), Failed> {
     let cards = backend.all()?;
     let devices: Vec<_> = cards.iter().map(|opened| Arc::clone(&opened.device)).collect();
     let mut balancer = Balancer::new(Arc::clone(scene), &devices)?;
-    let total = |of: fn(Counted) -> u64| cards.iter().map(|opened| of((opened.tally)())).sum::<u64>();
+    let total = |of: fn(Counted) -> u64| cards.iter().map(|opened| of((opened.counters)())).sum::<u64>();
     let rays = u64::from(stream.source.len());
     let eighth = Fraction::new(0.125).ok_or("a fraction")?;
     for (walk, is_kept) in [(Walk::Full, true), (Walk::Reduced(ReducedWalk::LeafAsHit), false)] {

@@ -73,7 +73,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let hits = trace(&mut *first, primary.len())?.hits;
     load(&mut *host, &primary)?;
     trace(&mut *host, primary.len())?;
-    let [left, doubtful] = [&device, &sender].map(|device| device.tally().on_host());
+    let [left, doubtful] = [&device, &sender].map(|device| device.counters().on_host());
     let left = (left as f64 - doubtful as f64) / f64::from(primary.len().max(1));
     let mut tracers = vec![first];
     for &lanes in &options.lanes {

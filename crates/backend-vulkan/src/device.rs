@@ -1,6 +1,6 @@
 //! Finding and opening devices.
 
-use crate::board::{Abandoned, VulkanBoard};
+use crate::api::{Abandoned, VulkanApi};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
@@ -180,7 +180,7 @@ impl Device for VulkanDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        self.profile.tracer(scene, clock, |held| VulkanBoard::new(Arc::clone(&self.shared), self.profile.tuning, held))
+        self.profile.tracer(scene, clock, |held| VulkanApi::new(Arc::clone(&self.shared), self.profile.tuning, held))
     }
 }
 

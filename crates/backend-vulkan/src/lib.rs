@@ -2,7 +2,7 @@
 //!
 //! [`VulkanDevice::enumerate`] opens every device of the system. A device decides which triangle each ray hits and counts
 //! tests, by the kernels of `rt_shaders`; the host computes t, u and v of the hits it reads back from ray and triangle.
-//! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`GpuDevice::tally`]
+//! Rays that rounding leaves in doubt are traced on the host when their launch is waited for ([`GpuDevice::counters`]
 //! says how many). A device that does not round as the kernels rely on is refused when it is opened. So hits and counts are, bit for bit, those of the CPU devices.
 //!
 //! # Current state and limits
@@ -22,7 +22,7 @@
 //! The raw handles of Vulkan are each owned by a type of a module of its own, which destroys them; `unsafe` is found
 //! there only.
 
-mod board;
+mod api;
 mod buffer;
 mod commands;
 mod device;
@@ -44,5 +44,5 @@ pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

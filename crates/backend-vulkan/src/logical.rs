@@ -110,12 +110,12 @@ impl Logical {
 
     /// Hands work to the queue.
     pub(crate) fn submit(&self, info: &vk::SubmitInfo<'_>) -> Result<(), DeviceError> {
-        self.check_lost("take work")?;
+        self.check_lost("take list")?;
         let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: the queue is of this device and locked; callers pass handles of this device that live until the work
         // is done.
         let taken = unsafe { self.raw.queue_submit(*queue, std::slice::from_ref(info), vk::Fence::null()) };
-        taken.map_err(|source| self.failed("take work", source))
+        taken.map_err(|source| self.failed("take list", source))
     }
 
     /// The error for a call that failed; remembers when the device is lost.

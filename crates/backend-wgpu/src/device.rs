@@ -1,6 +1,6 @@
 //! Finding and opening devices.
 
-use crate::board::WgpuBoard;
+use crate::api::WgpuApi;
 use crate::error::OpenError;
 use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
@@ -145,7 +145,7 @@ impl Device for WgpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        self.profile.tracer(scene, clock, |held| WgpuBoard::new(Arc::clone(&self.shared), self.profile.tuning, held))
+        self.profile.tracer(scene, clock, |held| WgpuApi::new(Arc::clone(&self.shared), self.profile.tuning, held))
     }
 }
 

@@ -19,7 +19,7 @@
 //! * What a lost or hung device held is never freed: wgpu would wait for it without end.
 #![deny(unsafe_code)]
 
-mod board;
+mod api;
 mod device;
 mod error;
 mod launch;
@@ -33,4 +33,4 @@ pub use device::{Options, WgpuDevice};
 pub use error::OpenError;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};

@@ -2,13 +2,13 @@
 
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::member::{Member, all_lost, ask_all, dismiss, settle};
-use crate::models::{Key, blind_excess};
+use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
+use crate::models::{Key, uninformed_excess};
 use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
-use crate::worker::Call;
+use crate::device_thread::Call;
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
     CostEstimator, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream,
@@ -35,7 +35,7 @@ use std::time::Duration;
 #[derive(Debug)]
 pub struct Balancer {
     scene: Arc<Scene>,
-    members: Vec<Member>,
+    members: Vec<DeviceState>,
     origin: Duration,
 }
 
@@ -65,13 +65,13 @@ impl Balancer {
         }
         let mut balancer = Self { scene, members: Vec::with_capacity(devices.len()), origin: clock::now() };
         for (index, device) in devices.iter().enumerate() {
-            let member = Member::open(index, device, &balancer.scene);
+            let member = DeviceState::open(index, device, &balancer.scene);
             balancer
                 .members
                 .push(member.map_err(|source| BalanceError::Thread { device: format!("device {index}"), source })?);
         }
         settle(&mut balancer.members, limits, control)?;
-        if balancer.members.iter().any(Member::is_alive) {
+        if balancer.members.iter().any(DeviceState::is_alive) {
             return Ok(balancer);
         }
         // None is alive, so each has failed.
@@ -154,7 +154,7 @@ impl Balancer {
             loop {
                 match self.trace_into(stream, scheduling, &mut output, control) {
                     // All that began have failed, but some were late. Each time round at least one device fewer is alive.
-                    Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(Member::may_come) => {}
+                    Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(DeviceState::may_come) => {}
                     traced => return traced,
                 }
             }
@@ -175,17 +175,17 @@ impl Balancer {
     ) -> Result<StreamRun, BalanceError> {
         let (limits, tasks) = (scheduling.limits, stream.tasks.len());
         let setup = clock::now();
-        self.members.iter_mut().for_each(Member::begin);
+        self.members.iter_mut().for_each(DeviceState::begin);
         let untouched = |error: BalanceError| error.with_unfinished(tasks);
         settle(&mut self.members, &limits, control).map_err(untouched)?;
         self.prepare(stream, &*scheduling.estimator, &limits, control).map_err(untouched)?;
         let begin = clock::now();
         self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || blind_excess(&self.members, &*scheduling.queue, tasks);
-        let blind = scheduling.blind_excess.unwrap_or_else(expected);
+        let expected = || uninformed_excess(&self.members, &*scheduling.queue, tasks);
+        let uninformed = scheduling.uninformed_excess.unwrap_or_else(expected);
         let estimator = &mut *scheduling.estimator;
-        let estimated = estimate(&mut self.members, stream, estimator, blind, output, &limits, control);
+        let estimated = estimate(&mut self.members, stream, estimator, uninformed, output, &limits, control);
         let estimated = estimated.map_err(untouched)?;
         let key = Key::of(&*scheduling.estimator, stream);
         learn_walks(&mut self.members, key, &estimated);
@@ -194,7 +194,7 @@ impl Balancer {
         let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
         let end = clock::now();
 
-        teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
+        teach(&mut *scheduling.estimator, stream.view(plan.workers.len(), estimated.uninformed_excess), &estimated, &ran);
         learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
@@ -240,7 +240,7 @@ impl Balancer {
             self.members[index].leave_out(&error);
             refused.push((index, error));
         }
-        if self.members.iter().any(Member::is_ready) {
+        if self.members.iter().any(DeviceState::is_ready) {
             for member in self.members.iter_mut().filter(|member| member.may_come() && !member.is_ready()) {
                 member.remark = Some("it was not ready in time: left out of this stream".to_owned());
             }
@@ -253,7 +253,7 @@ impl Balancer {
     }
 
     /// The devices, and the clock's begin.
-    pub(crate) fn members(&mut self) -> &mut [Member] {
+    pub(crate) fn members(&mut self) -> &mut [DeviceState] {
         &mut self.members
     }
 }

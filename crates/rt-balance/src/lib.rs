@@ -42,7 +42,7 @@ mod error;
 mod estimate;
 mod limits;
 mod measure;
-mod member;
+mod device_state;
 pub mod middleware;
 mod models;
 mod output;
@@ -55,7 +55,7 @@ mod run;
 pub mod stats;
 mod stream;
 mod walk;
-mod worker;
+mod device_thread;
 
 pub use answers::Audit;
 pub use balancer::Balancer;

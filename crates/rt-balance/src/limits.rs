@@ -1,7 +1,7 @@
 //! How long devices may take, and how a stream waits for them.
 
 use crate::Control;
-use crate::worker::Answer;
+use crate::device_thread::Answer;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 

@@ -45,5 +45,5 @@ pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder}
 pub use stats::TreeStats;
 #[cfg(target_arch = "x86_64")]
 pub use trace::walk_packets_avx2;
-pub use trace::{PacketWalk, ReducedTree, Stack, count, count_wide, offload, trace, trace_wide, walk_packets};
+pub use trace::{PacketWalk, ReducedTree, Stack, count, count_wide, kernel_io, trace, trace_wide, walk_packets};
 pub use wide::{WideError, WideNode, WideTree};

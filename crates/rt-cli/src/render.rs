@@ -199,7 +199,7 @@ fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun]) -> Resul
 }
 
 /// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
-/// its first launches its prices come from sparse samples, which are dearer than what follows.
+/// its first launches its prices come from sparse samples, which are more expensive than what follows.
 fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
     let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
     let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));

@@ -244,16 +244,16 @@ pub struct RayStream<'a> {
     pub tasks: &'a [Task],
     /// Seed of this stream's samples.
     pub seed: u32,
-    /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
-    pub part: u32,
-    /// The rays themselves, for estimators that learn where in the scene rays are dear; `None` where the caller has
+    /// Which wave of a larger stream this is: waves are alike from frame to frame, not among each other.
+    pub wave: u32,
+    /// The rays themselves, for estimators that learn where in the scene rays are expensive; `None` where the caller has
     /// only their number.
     pub source: Option<&'a RaySource>,
     /// Number of devices that will trace the stream: what an exact estimate is worth depends on it.
     pub devices: u32,
     /// What the makespan is expected to lose when nothing is estimated, as a share of it; 1 where devices may differ.
     /// An estimate that costs more does not pay.
-    pub blind_excess: f64,
+    pub uninformed_excess: f64,
 }
 
 impl RayStream<'_> {

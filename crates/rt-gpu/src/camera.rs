@@ -1,9 +1,9 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
-use crate::Order;
-use crate::order::Row;
+use crate::RayRecipe;
+use crate::ray_recipe::Row;
 use crate::trials::first_fault;
-use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
+use rt_bvh::kernel_io::{KernelCamera, KernelRay, KernelIo};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
 use std::sync::Arc;
@@ -47,7 +47,7 @@ fn trials() -> Vec<Trial> {
 ///
 /// # Errors
 /// Those of `make`.
-pub fn fault<E>(mut make: impl FnMut(&Order) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
+pub fn fault<E>(mut make: impl FnMut(&RayRecipe) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
     for trial in trials() {
         if let Some(fault) = trial.first_fault(&make(&trial.order())?) {
             return Ok(Some(fault));
@@ -64,22 +64,22 @@ impl Trial {
         let camera = Camera::look_at(eye, target, glam::Vec3::Y, fov).ok()?;
         let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
         let rays = CameraRays { camera, size, pixels, samples, seed: 0x9e37_79b9 };
-        let camera = Offload::new(&scene).camera(&rays)?;
+        let camera = KernelIo::new(&scene).camera(&rays)?;
         Some(Self { scene, rays, camera })
     }
 
     /// What the device is told to make: all but the first pixel's first sample, as for a stream's second window, the later
     /// rays first.
-    fn order(&self) -> Order {
+    fn order(&self) -> RayRecipe {
         let [middle, end] = [self.rays.len() / 2 + 1, self.rays.len()];
         let rows = [Row { ray: middle, count: end - middle }, Row { ray: 1, count: middle - 1 }];
-        Order::camera(&self.camera, &self.rays, &rows, 1)
+        RayRecipe::camera(&self.camera, &self.rays, &rows, 1)
     }
 
     /// What the host makes of it, without the same sample.
     fn expected(&self) -> Vec<KernelRay> {
-        let offload = Offload::new(&self.scene);
-        (1..self.rays.len()).map(|i| offload.prepare(&self.rays.ray(i), u32::MAX)).collect()
+        let io = KernelIo::new(&self.scene);
+        (1..self.rays.len()).map(|i| io.prepare(&self.rays.ray(i), u32::MAX)).collect()
     }
 
     /// What is wrong with what a device wrote to binding 6.

@@ -1,6 +1,6 @@
 //! What a graphics device says of itself.
 
-use crate::{Layouts, Profile, Tally};
+use crate::{Layouts, Profile, RayCounters};
 use rt_core::Device;
 
 /// A graphics card, or a processor in the guise of one, as its driver describes it.
@@ -48,8 +48,8 @@ pub trait GpuDevice: Device {
     }
 
     /// What its tracers have done so far.
-    fn tally(&self) -> &Tally {
-        &self.profile().tally
+    fn counters(&self) -> &RayCounters {
+        &self.profile().counters
     }
 
     /// The layouts in which it holds scenes; the two-wide tree alone where both do not fit.

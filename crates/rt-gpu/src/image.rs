@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use rt_bvh::WideTree;
-use rt_bvh::offload::Offload;
+use rt_bvh::kernel_io::KernelIo;
 use rt_core::{Child, Scene};
 
 /// The shader's structure `Frame`.
@@ -34,7 +34,7 @@ impl<'a> SceneImage<'a> {
     pub fn new(scene: &'a Scene) -> Self {
         let root = &scene.nodes()[0];
         let there: Vec<u32> = (0..2).filter(|&side| root.child(side as usize) != Child::Absent).collect();
-        let bounds = Offload::new(scene).bounds();
+        let bounds = KernelIo::new(scene).bounds();
         let frame = Frame {
             low: bounds.min.to_array(),
             root: match there[..] {

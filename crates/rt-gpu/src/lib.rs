@@ -1,6 +1,6 @@
 //! The host's side of the GPU backends: everything that does not depend on the API by which a card is reached.
 //!
-//! A backend implements [`Board`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
+//! A backend implements [`GpuApi`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
 //! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
 //! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
 //! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and [`bounce`] find out
@@ -23,39 +23,39 @@
 #![forbid(unsafe_code)]
 
 pub mod arithmetic;
-mod board;
+mod gpu_api;
 pub mod bounce;
 pub mod camera;
 mod card;
 mod faults;
 mod image;
-mod maker;
-mod order;
+mod ray_generation;
+mod ray_recipe;
 mod pending;
 mod profile;
 mod rays;
 mod scene;
-mod tally;
+mod ray_counters;
 mod tracer;
 mod trials;
 mod tuning;
-mod work;
+mod ray_list;
 
-pub use board::{Answer, Board, Flight};
+pub use gpu_api::{Answer, GpuApi, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;
 pub use faults::Faults;
 pub use image::{Frame, SceneImage};
-pub use order::Order;
+pub use ray_recipe::RayRecipe;
 pub use profile::Profile;
 pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
-pub use tally::Tally;
+pub use ray_counters::RayCounters;
 pub use tracer::GpuTracer;
 pub use trials::Trials;
 pub use tuning::Tuning;
-pub use work::Work;
+pub use ray_list::RayList;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

@@ -1,7 +1,7 @@
 //! A scene and the layouts in which a device holds it.
 
 use crate::SceneImage;
-use rt_bvh::offload::Offload;
+use rt_bvh::kernel_io::KernelIo;
 use rt_bvh::{Stack, WideTree, count_wide, trace_wide};
 use rt_core::{Hit, MAX_DEPTH, Precision, Ray, Scene, StreamSpec, TestCounts, Walk};
 use rt_shaders::{Layout, Purpose};
@@ -131,9 +131,9 @@ impl GpuScene {
     }
 
     /// The hit of a ray with the triangle at a slot of the device's order.
-    pub(crate) fn finish(&self, offload: &Offload<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
+    pub(crate) fn finish(&self, io: &KernelIo<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
         let given = if self.slots.is_empty() { Some(slot) } else { self.slots.get(slot as usize).copied() };
-        offload.finish(ray, given?)
+        io.finish(ray, given?)
     }
 
     /// Traces a ray on the host, with counts as the device would count.

@@ -1,7 +1,7 @@
 //! Whether a device makes the rays that the host makes: found out when the first are wanted, once.
 
 use crate::bounce;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::DeviceError;
 use rt_shaders::Purpose;
 use std::sync::OnceLock;

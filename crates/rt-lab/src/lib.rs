@@ -19,7 +19,7 @@ pub mod bench;
 pub mod contenders;
 pub mod figure1;
 mod lab;
-mod stretch;
+mod time_budget;
 mod subject;
 pub mod tradeoff;
 

@@ -17,7 +17,7 @@ extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
-pub mod blind;
+pub mod uninformed;
 pub mod bound;
 pub mod calibrate;
 pub mod estimate;

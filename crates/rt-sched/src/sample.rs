@@ -17,7 +17,7 @@ impl Fraction {
     /// 1/64, the fraction to start with: measured to cost about 1% of a trace on a processor, and near enough to balance
     /// tasks of 1,024 rays.
     pub const SIXTY_FOURTH: Self = Self(1.0 / 64.0);
-    /// 1/256: enough to see which tasks are dear.
+    /// 1/256: enough to see which tasks are expensive.
     pub const TWO_HUNDRED_FIFTY_SIXTH: Self = Self(1.0 / 256.0);
     /// Every ray.
     pub const ONE: Self = Self(1.0);

@@ -13,7 +13,7 @@ use std::{env, fs};
 const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
 /// What every kernel reads that traces, or pretends to; after them come its rays.
-const GIVEN: &[&str] = &["bindings.wgsl", "ray.wgsl", "work.wgsl"];
+const GIVEN: &[&str] = &["bindings.wgsl", "ray.wgsl", "ray_list.wgsl"];
 
 /// The rays, and those that tell in tests how often they were visited.
 const RAYS: [&str; 2] = ["rays.wgsl", "rays_visited.wgsl"];
@@ -29,8 +29,8 @@ const TREES: &[(&str, &str, &[u32])] =
 
 /// The other parts of kernels that make rays: name in Rust, and the parts.
 const MAKERS: &[(&str, &[&str])] = &[
-    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "camera.wgsl"]),
-    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "bounce.wgsl"]),
+    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "ray_recipe.wgsl", "camera.wgsl"]),
+    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "ray_recipe.wgsl", "bounce.wgsl"]),
 ];
 
 /// The other parts of the kernel by which devices are checked.
@@ -58,7 +58,7 @@ const PRETENDING: &[(&str, usize, &str)] = &[
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "Work", "Camera", "Bounce"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "RayList", "Camera", "Bounce"];
 
 struct Flags {
     any: bool,

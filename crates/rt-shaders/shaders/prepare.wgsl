@@ -1,4 +1,4 @@
-// Rays as kernels trace them, made on the device: the bits that `rt_bvh::offload` prepares on the host.
+// Rays as kernels trace them, made on the device: the bits that `rt_bvh::kernel_io` prepares on the host.
 //
 // What is a sum, a product or a whole number is the host's operation for operation. Quotients are not: devices may be off
 // by 2.5 units in the last place. So each is tested: q is a / b rounded to nearest if and only if |a - b q| is less than

@@ -22,7 +22,7 @@
 //   E is at least EDGE_XY S²: 2^-116 where S is above SMALLEST.
 // * The sum of the weighted z is changed by less than 2^-120, which must be small beside 8 u² |determinant| Z: that is
 //   2^-117 where LEAST_SUM holds. Triangles that are smaller, and distances below NEAREST, are left in doubt.
-// Overflow: coordinates are below 2^61, for REACH of rt_bvh's `offload`, so that edge functions are below 2^124. Where they
+// Overflow: coordinates are below 2^61, for REACH of rt_bvh's `kernel_io`, so that edge functions are below 2^124. Where they
 // are certain and of one sign, the line meets the triangle, which is in the scene's box, of size 2 (the host keeps the rays of
 // larger ones): then S <= 8, and as edge functions are at most S²/2 and above E, Z <= 2^45: nothing that follows overflows.
 

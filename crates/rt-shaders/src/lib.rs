@@ -172,7 +172,7 @@ mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
     use rt_bvh::WideNode;
-    use rt_bvh::offload::{KernelBounce, KernelCamera, KernelRay};
+    use rt_bvh::kernel_io::{KernelBounce, KernelCamera, KernelRay};
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
     fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
         assert_eq!(layout("VisitedRay"), layout("Ray"));
         assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
-        assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
+        assert_eq!(layout("RayList").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
         let camera = [
             ("origin", offset_of!(KernelCamera, origin)),
             ("samples", offset_of!(KernelCamera, samples)),

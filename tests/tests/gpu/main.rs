@@ -95,7 +95,7 @@ impl Backend {
 }
 
 impl Found {
-    /// The same device opened anew, for tests that break it or look at its tally.
+    /// The same device opened anew, for tests that break it or look at its counters.
     fn again(&self) -> Opened {
         let position = self.position;
         self.backend.enumerate()?.into_iter().nth(position).ok_or("the device is gone")?

@@ -95,8 +95,8 @@ fn mistakes() -> Vec<Mistake> {
         wrong
     };
     let losing = |excess| {
-        let mut wrong = mistake("blind_excess", |error| matches!(error, BalanceError::BlindExcess(_)));
-        wrong.scheduling.blind_excess = Some(excess);
+        let mut wrong = mistake("uninformed_excess", |error| matches!(error, BalanceError::UninformedExcess(_)));
+        wrong.scheduling.uninformed_excess = Some(excess);
         wrong
     };
     vec![

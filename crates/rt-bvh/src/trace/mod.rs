@@ -11,7 +11,7 @@
 //! Boxes are tested alike in every precision: once padded, the careful test costs no more than the plain one. Single
 //! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
-pub mod offload;
+pub mod kernel_io;
 mod packet;
 mod reduced;
 mod slabs;

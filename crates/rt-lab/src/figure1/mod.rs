@@ -5,7 +5,7 @@ mod write;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
@@ -126,7 +126,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         None => Devices::Real,
     };
     let steps = options.scenes.len() * 2 * options.task_sizes.len();
-    let stretch = Stretch::whole(lab.show, None).with_steps(steps, repetitions + 1);
+    let stretch = TimeBudget::whole(lab.show, None).with_steps(steps, repetitions + 1);
     stretch.label("measuring");
     for scene in &options.scenes {
         let mut subject = Subject::open(lab, scene, &setting.devices)?;

@@ -3,7 +3,7 @@
 use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::subject::{Subject, trace};
 use anyhow::{Context, Result};
 use rt_balance::stats::Summary;
@@ -72,7 +72,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     Ok(setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
 }
 
-fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &Path, stretch: &TimeBudget<'_>) -> Result<Vec<Row>> {
     let mut subject = Subject::open(setting.lab, scene, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();

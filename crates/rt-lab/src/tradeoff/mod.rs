@@ -9,7 +9,7 @@ mod streams;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
 use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
@@ -159,7 +159,7 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
     let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let stretch = Stretch::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
+    let stretch = TimeBudget::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
     let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
     for (index, trade) in trades.into_iter().enumerate() {
         let stretch = stretch.part(&weights, index);
@@ -196,7 +196,7 @@ fn setting<'a>(
     args: &'a Options,
     trade: &Trade,
     (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
-    stretch: Stretch<'a>,
+    stretch: TimeBudget<'a>,
 ) -> Result<Setting<'a>> {
     let most = if args.quick { QUICK_SIZE } else { SIZE };
     let size = match (args.size, stretch.left()) {
@@ -268,7 +268,7 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     check_outputs(&own.out, &trades, &own.scenes)?;
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
-    let stretch = Stretch::whole(lab.show, None);
+    let stretch = TimeBudget::whole(lab.show, None);
     precision::run(lab, own, &stretch, &mut page)?;
     stretch.finish();
     finish(lab, &page, &own.out, begin)

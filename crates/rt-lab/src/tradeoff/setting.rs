@@ -3,7 +3,7 @@
 use super::Options;
 use super::layout::Card;
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use anyhow::Result;
 use rt_core::Device;
 use rt_report::Machine;
@@ -23,7 +23,7 @@ pub(super) struct Setting<'a> {
     pub(super) size: [u32; 2],
     pub(super) repeat: u32,
     /// The trade's part of the time and of the bar.
-    pub(super) stretch: Stretch<'a>,
+    pub(super) stretch: TimeBudget<'a>,
     pub(super) head: Head,
 }
 

@@ -18,7 +18,7 @@ use rt_core::{CostEstimator, Observation, RayStream, Step, StreamRecord, TestCou
 ///   sums, each of variance V/m for a total variance V of all tasks' estimates. For normal errors that is about
 ///   √(2 ln m) · √(V/m) (H. Cramér, *Mathematical Methods of Statistics*, 1946, 28.6).
 /// * With Neyman's allocation of n samples V = S²/n, S the sum of rays times standard deviation over the tasks.
-/// * A walked ray's hit is kept, so it costs what it is dearer than a traced one: (price − 1) rays, shared by m devices.
+/// * A walked ray's hit is kept, so it costs what it is more expensive than a traced one: (price − 1) rays, shared by m devices.
 ///   The price is measured.
 ///
 /// The sum is least for n = (√(2 ln m / m) · S / 2p)^⅔, p the tests that a sample costs on each device. With one device
@@ -133,7 +133,7 @@ impl Open {
         let sample_cost = price.beyond() * of_ray / devices;
         let best = libm::cbrt(libm::pow(late * sum / (2.0 * sample_cost), 2.0));
         // Nobody can gain more than what a schedule without any estimate loses.
-        let most = stream.blind_excess * of_ray * f64::from(stream.rays()) / devices;
+        let most = stream.uninformed_excess * of_ray * f64::from(stream.rays()) / devices;
         let gain = (late * (libm::sqrt(variance) - sum / libm::sqrt(best))).min(most);
         let cost = (best - n) * sample_cost + ROUND * of_ray;
         if best <= n || gain <= cost || gain.is_nan() {

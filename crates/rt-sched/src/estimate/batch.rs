@@ -120,7 +120,7 @@ impl<'a> Batch<'a> {
             };
             let rays = f64::from(task.rays);
             let [boxes, triangles] = believed.mean.map(|mean| (mean * rays) as f32);
-            // Of random samples where a few rays are dear, mean and variance are low together, and an estimate that is too low
+            // Of random samples where a few rays are expensive, mean and variance are low together, and an estimate that is too low
             // would claim to be certain (W. Cochran, *Sampling Techniques*, 1977, 2.15): the neighbourhood's is the least
             // that is believed.
             let left = of_mean(pooled.max(around), task, sample) * believed.left;
@@ -203,7 +203,7 @@ fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
 /// What samples borrow from their neighbourhood: the variance of a ray from successive differences of samples around
 /// them in the stream's order.
 ///
-/// A sample that met no rare dear ray claims to be certain, and few samples know nothing of their variance; their
+/// A sample that met no rare expensive ray claims to be certain, and few samples know nothing of their variance; their
 /// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
 /// within one, which errs on the safe side.
 #[derive(Clone, Debug)]

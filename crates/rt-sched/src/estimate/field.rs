@@ -1,4 +1,4 @@
-//! Costs from a map of where in the scene rays are dear.
+//! Costs from a map of where in the scene rays are expensive.
 
 use super::batch::{Asked, Batch, Divergence, scaled_up};
 use super::cells::{Cell, Cells, Heading, NO_SLOT, Place};
@@ -10,7 +10,7 @@ use rt_core::{
     CostEstimator, Observation, RaySource, RayStream, Step, StreamKind, Task, TestCounts, Walk, Work, random, tasks_of,
 };
 
-/// Learns where in the scene, and in which direction, rays are dear, and corrects that by each task's own samples.
+/// Learns where in the scene, and in which direction, rays are expensive, and corrects that by each task's own samples.
 ///
 /// A task of few rays has one sample or none, and diffuse rays from one spot differ much: there the samples of
 /// neighbours and of earlier streams say more than the task's own. The map is a hierarchy of cells of position and

@@ -20,7 +20,7 @@ use rt_core::{CostEstimator, CountsToken, Observation, RayStream, ReducedWalk, S
 /// The standard error of a task's tests is that of its sample: for random samples that of simple random sampling
 /// without replacement (W. Cochran, *Sampling Techniques*, 1977, 2.6), for strided ones from successive differences
 /// (K. Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2), both
-/// with the finite population correction; what neighbours take away of it is left out. Both borrow from the samples around them, so that a sample that met no dear
+/// with the finite population correction; what neighbours take away of it is left out. Both borrow from the samples around them, so that a sample that met no expensive
 /// ray does not claim to be certain; there is none where the whole stream has too few. How often intervals hold on real
 /// scenes: docs/results/robustness.md.
 #[derive(Clone, Debug)]

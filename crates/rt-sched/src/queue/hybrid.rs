@@ -64,7 +64,7 @@ pub struct HybridQueue {
 }
 
 /// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is known
-/// of them, so a launch of neighbours may be several times as dear as another, and says nothing of a device's speed.
+/// of them, so a launch of neighbours may be several times as expensive as another, and says nothing of a device's speed.
 ///
 /// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical inverse of
 /// J. van der Corput (1935).
@@ -111,7 +111,7 @@ impl Pace {
 impl HybridQueue {
     /// Queues with the lists of `schedule`, which was made for this work and these devices.
     ///
-    /// Lists should be sorted dearest task first, as those of [`Lpt`](crate::policy::Lpt) are.
+    /// Lists should be sorted most expensive task first, as those of [`Lpt`](crate::policy::Lpt) are.
     #[must_use]
     pub fn new(schedule: &Schedule, work: &[Work], devices: &[CostModel]) -> Self {
         let model = |device: usize| devices.get(device).copied().unwrap_or_default();

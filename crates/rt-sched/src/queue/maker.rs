@@ -2,7 +2,7 @@
 
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
-use crate::blind;
+use crate::uninformed;
 use crate::policy::{Policy, mean_model};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -46,7 +46,7 @@ pub trait QueueMaker: Debug + Send + Sync {
     /// makespan. `unequal` says how unlike the devices are: the mean of their speeds over the least one, 1 where all are alike.
     ///
     /// A queue that cannot tell says 1, and estimators that ask whether they pay take it that they do.
-    fn blind_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
+    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
         let _ = (tasks, devices, unequal);
         1.0
     }
@@ -114,12 +114,12 @@ impl QueueMaker for QueueKind {
         }
     }
 
-    fn blind_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
+    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
         match self {
             Self::Static if unequal > 1.0 => 1.0,
-            Self::Static => blind::fixed_excess(tasks, devices),
-            Self::Central => unequal * blind::central_excess(tasks, devices),
-            Self::Hybrid => unequal * blind::hybrid_excess(tasks, devices),
+            Self::Static => uninformed::fixed_excess(tasks, devices),
+            Self::Central => unequal * uninformed::central_excess(tasks, devices),
+            Self::Hybrid => unequal * uninformed::hybrid_excess(tasks, devices),
         }
     }
 }

@@ -23,7 +23,7 @@ fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn TaskQueue>
 
 const NAMES: [&str; 6] = ["block", "round robin", "lpt", "fifo", "central", "hybrid"];
 
-/// Costs of the tasks of an image in Z-curve order, as images have them: a dear object, a gradient, and fine detail.
+/// Costs of the tasks of an image in Z-curve order, as images have them: an expensive object, a gradient, and fine detail.
 /// They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
 fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
     let side = f64::from(n.next_power_of_two()).sqrt();
@@ -126,7 +126,7 @@ fn hybrid_stays_within_one_percent() {
 }
 
 /// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of the
-/// dearest, sets a bound of its own. `--nocapture` shows the table.
+/// most expensive, sets a bound of its own. `--nocapture` shows the table.
 ///
 /// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted speed;
 /// `fair` that is infinite; `finish` without its sum.
@@ -159,7 +159,7 @@ fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
 
 /// Mutant: a device that takes both its launches before the next one takes any.
 #[test]
-fn the_dearest_tasks_go_to_different_devices() {
+fn the_most_expensive_tasks_go_to_different_devices() {
     let costs = [3.0, 3.0, 3.0, 1.0];
     let work: Vec<Work> = costs.iter().map(|&c| Work::new(0.0, c as f32, 0.0)).collect();
     let queue = CentralQueue::new(&work, &[CostModel::UNIT; 3]);

@@ -2,7 +2,7 @@
 
 use super::{Card, LAYOUTS};
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::subject::in_kernel;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
@@ -72,7 +72,7 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &TimeBudget<'_>) -> Result<SceneRows> {
     let prepared = (setting.lab.scenes)(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();

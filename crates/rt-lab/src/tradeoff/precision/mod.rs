@@ -3,7 +3,7 @@
 mod write;
 
 use super::streams::{Kind, STREAMS, launch, reference, streams};
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
 use rt_balance::devices::{Opened, Opener};
@@ -122,7 +122,7 @@ impl Options {
 }
 
 /// Measures and adds a section to the page.
-pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mut Page) -> Result<()> {
+pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &TimeBudget<'_>, page: &mut Page) -> Result<()> {
     stretch.label("precision");
     let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     let devices = Opener::new().open_in_turn(&args.devices).context("--devices")?;
@@ -192,7 +192,7 @@ struct Bench<'a> {
     /// Rays of each stream that the exact reference judges.
     sample: u32,
     seed: u32,
-    stretch: Stretch<'a>,
+    stretch: TimeBudget<'a>,
 }
 
 impl Bench<'_> {
@@ -231,7 +231,7 @@ impl Bench<'_> {
     }
 
     /// How many rays the exact reference can judge in a third of the time.
-    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch<'_>) -> u32 {
+    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &TimeBudget<'_>) -> u32 {
         let Some(left) = stretch.left() else { return self.sample };
         let (rays, _) = sampled(&kind.source, &[], TRIED.min(self.sample));
         let begin = Instant::now();
@@ -243,7 +243,7 @@ impl Bench<'_> {
     }
 
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch<'_>) -> Result<[Timed; 3]> {
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &TimeBudget<'_>) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
         let mut timed = [(); 3].map(|()| Timed::default());

@@ -2,7 +2,7 @@
 
 use super::estimators::{KINDS, Kind};
 use crate::contenders::{self, Contender, MACHINES};
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
@@ -115,7 +115,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+    pub(super) fn measure(&self, scene: &Path, stretch: &TimeBudget<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
         let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
@@ -181,7 +181,7 @@ impl<'a> Sweep<'a> {
         stream: &Stream,
         tries: &[Try<'_>],
         round: usize,
-        stretch: &Stretch<'_>,
+        stretch: &TimeBudget<'_>,
     ) -> Result<Vec<([f64; 3], Sample)>> {
         let reference = subject.reference(stream)?;
         let task_s = reference.seconds.first().context("the device failed")?;
@@ -245,7 +245,7 @@ fn tries(kinds: &[&'static Kind], fractions: &[f64]) -> Vec<Try<'static>> {
 
 fn run(subject: &mut Subject<'_>, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
     // One device has nothing to gain; the virtual ones do.
-    subject.trace(stream, &mut Scheduling { estimator, blind_excess: Some(1.0), ..Scheduling::default() })
+    subject.trace(stream, &mut Scheduling { estimator, uninformed_excess: Some(1.0), ..Scheduling::default() })
 }
 
 fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {

@@ -16,7 +16,7 @@ use trial::{Part, Trial};
 /// default.
 ///
 /// * **What may be spent.** An estimate may cost the budget, a share of the trace, or half of what the stream is expected to
-///   lose without one ([`RayStream::blind_excess`]), whichever is less. Costs are device seconds: of walks, beyond what
+///   lose without one ([`RayStream::uninformed_excess`]), whichever is less. Costs are device seconds: of walks, beyond what
 ///   tracing the same rays would have taken since their hits are kept; and all of the host's work, for which every device
 ///   waits. What a stream cost beyond its budget is a debt, and later streams have so much less until it is paid: in the long
 ///   run no more than the budget is spent. Only where there is no past to go by, and devices may differ, is the least sample
@@ -138,7 +138,7 @@ impl Auto {
     /// The same where `allowed`, a share of the trace, may be spent.
     fn fraction_within(&self, allowed: f64, stream: RayStream<'_>) -> Option<Fraction> {
         let price = self.prices.of(&stream).of_sample(stream.devices, self.sampling_arm(stream).reader());
-        let worth = STAKE * stream.blind_excess / price;
+        let worth = STAKE * stream.uninformed_excess / price;
         let of_task = f64::from(stream.rays()) / stream.tasks.len().max(1) as f64;
         if worth * of_task < LEAST_SAMPLES {
             return None;

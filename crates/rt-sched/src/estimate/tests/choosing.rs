@@ -6,7 +6,7 @@ use crate::queue::StaticQueue;
 use crate::simulate::Simulation;
 use rt_core::StreamRecord;
 
-/// A stream of 256 tasks, most of which cost little and alike; a tenth of it is dear and noisy.
+/// A stream of 256 tasks, most of which cost little and alike; a tenth of it is expensive and noisy.
 fn patchy(ray: u32) -> TestCounts {
     let task = ray / 1_024;
     let [a, b] = random::pair(31, ray, 0);
@@ -209,7 +209,7 @@ fn auto_pays_its_debts() {
             assert!(share < 0.3 * 0.005 / (price - 1.0 + host) || share < 0.3 / 1_024.0, "{price} {host}: {shares:?}");
         }
         // Every stream is another part of the picture: no past, and samples in each of them.
-        let parts = |seed| RayStream { part: seed, ..repeated(seed) };
+        let parts = |seed| RayStream { wave: seed, ..repeated(seed) };
         let (cost, shares) = spent(&mut Auto::default(), &parts, 32, price, host);
         assert!(cost <= 0.0055_f64.max(1.1 * (price - 1.0 + host) / 1_024.0), "{price} {host}: {cost}");
         assert!(shares.iter().all(|share| *share > 0.0));
@@ -222,11 +222,11 @@ fn auto_pays_its_debts() {
 #[test]
 fn auto_pays_for_prices_it_believed() {
     let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
-    let parts = |seed| RayStream { part: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
+    let parts = |seed| RayStream { wave: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
     let mut auto = Auto::default();
-    let [cheap, dear] = [1.5, 4.0];
+    let [cheap, expensive] = [1.5, 4.0];
     let cost: f64 =
-        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { dear }, 0.0).0).sum();
+        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { expensive }, 0.0).0).sum();
     assert!(cost / 32.0 <= 0.0055, "{}", cost / 32.0);
 }
 
@@ -236,17 +236,17 @@ fn auto_pays_for_prices_it_believed() {
 #[test]
 fn auto_estimates_nothing_where_nothing_pays() {
     let tasks = tasks_of(256 * 1_024, 1_024);
-    let stream = |blind_excess| RayStream { blind_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
+    let stream = |uninformed_excess| RayStream { uninformed_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
     let mut auto = Auto::default();
     // At the assumed price of 3, and two devices that wait for the host, four samples a task cost 0.86% of the trace.
     for (part, (blind, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
-        let stream = RayStream { part, ..stream(blind) };
+        let stream = RayStream { wave, ..stream(blind) };
         let (work, walked) = estimate(&mut auto, stream, &primary);
         assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{blind}");
         assert_eq!(auto.chosen() == "uniform", !walks);
         assert_eq!(work.len(), tasks.len());
     }
-    // Cheaper samples make smaller gains worth them; what the host does makes them dearer.
+    // Cheaper samples make smaller gains worth them; what the host does makes them more expensive.
     let finish = |auto: &mut Auto, host_s| {
         let (stream, n) = (stream(1.0), 1_000);
         let seconds = StreamRecord { stream, walked_rays: n, walk_s: 1.1, traced_rays: n, trace_s: 1.0, host_s };
@@ -271,7 +271,7 @@ fn auto_leaves_a_past_that_is_wrong() {
     let tasks = tasks_of(256 * 1_024, 1_024);
     let mut auto = Auto::default();
     for seed in 0..12 {
-        // Every frame is dear elsewhere.
+        // Every frame is expensive elsewhere.
         let counts = |ray: u32| TestCounts {
             boxes: (60.0 + 50.0 * libm::sinf((ray + 7_919 * seed) as f32 / 5_000.0)) as u32,
             triangles: 4,
@@ -297,7 +297,7 @@ fn auto_believes_the_map_where_it_predicts_better() {
     for seed in 0..4 {
         // Every stream is another part of the picture, so none has a past.
         let stream =
-            RayStream { source: Some(&source), part: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
+            RayStream { source: Some(&source), wave: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
         let (work, walked) = estimate(&mut auto, stream, &counts);
         // Nothing is known in the first stream, and the second is the trial.
         assert_eq!(auto.chosen(), if seed < 2 { "exact" } else { "field" }, "stream {seed}");

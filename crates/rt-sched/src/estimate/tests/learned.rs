@@ -26,7 +26,7 @@ fn bounced_in(per_cell: u32, cell: impl Fn(u32) -> u32) -> RaySource {
     RaySource::Explicit { rays: (0..128 * 128 * per_cell).map(ray).collect(), origins: None }
 }
 
-/// Dear where the square is cluttered, and in directions that look towards the clutter; noisy.
+/// Expensive where the square is cluttered, and in directions that look towards the clutter; noisy.
 pub(super) fn cost(source: &RaySource, ray: u32) -> TestCounts {
     let (r, _) = source.ray(ray);
     let place = 40.0 * libm::sinf(r.origin.x / 20.0) * libm::sinf(r.origin.y / 14.0);

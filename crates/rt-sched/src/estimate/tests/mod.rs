@@ -14,7 +14,7 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, coherence: Coherence::Unknown, tasks, seed, part: 0, source: None, devices: 2, blind_excess: 1.0 }
+    RayStream { kind, coherence: Coherence::Unknown, tasks, seed, wave: 0, source: None, devices: 2, uninformed_excess: 1.0 }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
@@ -134,7 +134,7 @@ fn intervals_hold_what_they_say() {
     }
 }
 
-/// What real scenes have: costs that rise across a task, and few dear rays among many cheap ones, more in some tasks than in
+/// What real scenes have: costs that rise across a task, and few expensive rays among many cheap ones, more in some tasks than in
 /// others.
 ///
 /// Mutants: strided samples at equal steps; random samples without the floor, or with the narrow window, of their
@@ -144,14 +144,14 @@ fn intervals_hold_for_slopes_and_rare_dear_rays() {
     let slope = |ray: u32| TestCounts { boxes: 100 + ray % 1_024 + random::below(40, 3, ray, 0), triangles: 2 };
     let rare = |ray: u32| {
         let one_in = 10 + ray / 1_024 / 100;
-        let dear = random::below(one_in, 4, ray, 0) == 0;
-        TestCounts { boxes: if dear { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
+        let expensive = random::below(one_in, 4, ray, 0) == 0;
+        TestCounts { boxes: if expensive { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
     };
     for samples in [16.0, 32.0, 128.0] {
         let strided = coverage(StreamKind::Primary, samples / 1_024.0, &slope);
         assert!(strided >= 0.93, "slope, {samples}: {strided}");
         let random = coverage(StreamKind::Diffuse(0), samples / 1_024.0, &rare);
-        assert!(random >= 0.93, "rare dear rays, {samples}: {random}");
+        assert!(random >= 0.93, "rare expensive rays, {samples}: {random}");
     }
 }
 
@@ -259,7 +259,7 @@ fn history_asks_once_and_then_remembers_what_was_measured() {
     let factors: Vec<f32> = first.iter().zip(&second).map(|(a, b)| b.tests() / a.tests()).collect();
     assert_eq!(factors, [1.0, 2.0, 0.5, 4.0], "corrected, but not by a disturbance");
     let diffuse_stream = RayStream { kind: StreamKind::Diffuse(0), ..stream };
-    let other_part = RayStream { part: 1, ..stream };
+    let other_part = RayStream { wave: 1, ..stream };
     assert_eq!(estimate(&mut history, diffuse_stream, &diffuse).1, 256, "another kind is another history");
     assert_eq!(estimate(&mut history, other_part, &primary).1, 256, "so is another part of the picture");
     learn(&mut history, diffuse_stream, &first, &|_| f64::NAN);

@@ -1,7 +1,7 @@
 //! Which rays a device is told to make: those of a kernel's that it did not make before.
 
 use rayon::prelude::*;
-use rt_bvh::offload::{KernelBounce, KernelCamera};
+use rt_bvh::kernel_io::{KernelBounce, KernelCamera};
 use rt_core::bounce::Departure;
 use rt_core::{BounceRays, CameraRays};
 use rt_shaders::Purpose;
@@ -34,13 +34,13 @@ pub(crate) struct Row {
 /// What a device is told of rays that it is to make: the words that the kernel for `purpose` reads, [`KernelCamera`] or
 /// [`KernelBounce`] and behind it tables, pixels or departures.
 #[derive(Clone, Debug)]
-pub struct Order {
+pub struct RayRecipe {
     purpose: Purpose,
     words: Vec<u32>,
     count: u32,
 }
 
-impl Order {
+impl RayRecipe {
     /// [`Purpose::Camera`] or [`Purpose::Bounce`].
     #[must_use]
     pub const fn purpose(&self) -> Purpose {
@@ -143,7 +143,7 @@ fn ranges(rows: &[Row], mut number: impl FnMut(&Row) -> u32) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rt_bvh::offload::Offload;
+    use rt_bvh::kernel_io::KernelIo;
     use rt_bvh::{BuildOptions, Mesh, build};
     use rt_core::bounce::{Aim, Scatter, Surfaces};
     use rt_core::{Camera, random};
@@ -194,11 +194,11 @@ mod tests {
             rows.rotate_left(3);
             let all: Vec<u32> = rows.iter().flat_map(|row| row.ray..row.ray + row.count).collect();
 
-            let block = Offload::new(&scene).camera(&rays).expect("ordinary");
-            let order = Order::camera(&block, &rays, &rows, first);
-            let block: KernelCamera = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..BLOCK]));
-            let words = &order.words()[BLOCK..];
-            assert_eq!((order.count(), block.count as usize), (block.count, all.len()));
+            let block = KernelIo::new(&scene).camera(&rays).expect("ordinary");
+            let recipe = RayRecipe::camera(&block, &rays, &rows, first);
+            let block: KernelCamera = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&recipe.words()[..BLOCK]));
+            let words = &recipe.words()[BLOCK..];
+            assert_eq!((recipe.count(), block.count as usize), (block.count, all.len()));
             for (item, &ray) in (0..).zip(&all) {
                 let number = named(words, block.numbers, item);
                 assert_eq!(words[(block.pixels + number / samples) as usize], rays.pixels[(ray / samples) as usize]);
@@ -211,11 +211,11 @@ mod tests {
                 departures: (0..800).map(departure).collect(),
                 scatter: Scatter { aim: Aim::Cosine, seed, samples: 1, first_group: 0, bounce: 0 },
             };
-            let block = Offload::new(&scene).bounce(&rays).expect("ordinary");
-            let order = Order::bounce(&block, &rays, &rows, first, &[5]);
-            let block: KernelBounce = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&order.words()[..BLOCK]));
-            let words = &order.words()[BLOCK..];
-            assert_eq!((order.count(), block.count as usize), (block.count, all.len()));
+            let block = KernelIo::new(&scene).bounce(&rays).expect("ordinary");
+            let recipe = RayRecipe::bounce(&block, &rays, &rows, first, &[5]);
+            let block: KernelBounce = bytemuck::pod_read_unaligned(bytemuck::cast_slice(&recipe.words()[..BLOCK]));
+            let words = &recipe.words()[BLOCK..];
+            assert_eq!((recipe.count(), block.count as usize), (block.count, all.len()));
             for (item, &ray) in (0..).zip(&all) {
                 let Departure { weights, primitive, path } = rays.departures[ray as usize];
                 let told = &words[(block.departures + 3 * item) as usize..][..3];

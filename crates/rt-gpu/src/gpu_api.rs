@@ -1,7 +1,7 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
-use crate::{Order, Work};
-use rt_bvh::offload::KernelRay;
+use crate::{RayRecipe, RayList};
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::{DeviceError, TestCounts};
 use rt_shaders::Purpose;
 use std::fmt::Debug;
@@ -28,10 +28,10 @@ pub struct Answer<'a> {
 /// one window, and a launch is one kernel for each window that it has rays in.
 ///
 /// Kernels run in the order in which they were started. At most [`crate::IN_FLIGHT`] + 1 are in flight for each window:
-/// launches and a walk. Dropping a board with kernels in flight waits for them a while, or leaves behind what they use.
-pub trait Board: Send + Debug {
+/// launches and a walk. Dropping it with kernels in flight waits for them a while, or leaves behind what they use.
+pub trait GpuApi: Send + Debug {
     /// The API's name in errors, such as `"Vulkan"`.
-    fn api(&self) -> &'static str;
+    fn name(&self) -> &'static str;
 
     /// Rays in a window, at least one; all of them where nothing limits a buffer. Always the same.
     fn window(&self) -> u32 {
@@ -51,11 +51,11 @@ pub trait Board: Send + Debug {
         false
     }
 
-    /// Compiles the kernel for `purpose`, which traces, and runs it over [`Work::nothing`], since some drivers compile when a
+    /// Compiles the kernel for `purpose`, which traces, and runs it over [`RayList::nothing`], since some drivers compile when a
     /// kernel first runs, so that its first launch does not wait for it. Nothing is in flight.
     ///
     /// # Errors
-    /// Those of [`Board::start`].
+    /// Those of [`GpuApi::start`].
     fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
         let _ = purpose;
         Ok(())
@@ -74,8 +74,8 @@ pub trait Board: Send + Debug {
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Starts the kernel for `purpose` over rays of a window, after the one that makes those of `order`: a purpose of which
-    /// [`Board::makes`] says that it does.
+    /// Starts the kernel for `purpose` over rays of a window, after the one that makes those of `recipe`: a purpose of which
+    /// [`GpuApi::makes`] says that it does.
     ///
     /// # Errors
     /// When the kernel does not compile, its buffers do not fit, or the device is lost.
@@ -83,14 +83,14 @@ pub trait Board: Send + Debug {
         &mut self,
         purpose: Purpose,
         window: u32,
-        work: &Work,
-        order: Option<&Order>,
+        list: &RayList,
+        recipe: Option<&RayRecipe>,
     ) -> Result<Flight, DeviceError>;
 
     /// Waits at most `limit` until a kernel is done, and shows `read` what it wrote.
     ///
     /// # Errors
     /// [`rt_core::DeviceErrorKind::Hung`] when the limit passed, otherwise when the device is lost. Then `read` was not
-    /// called, and the board is of no more use.
+    /// called, and it is of no more use.
     fn wait(&mut self, flight: Flight, limit: Duration, read: &mut dyn FnMut(Answer<'_>)) -> Result<(), DeviceError>;
 }

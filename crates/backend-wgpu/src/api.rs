@@ -3,16 +3,16 @@
 use crate::device::Shared;
 use crate::launch::{Job, Slot};
 use crate::opened::Opened;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, Order, PATIENCE, Trees, Tuning, Work};
+use rt_gpu::{Answer, GpuApi, Flight, GpuScene, RayRecipe, PATIENCE, Trees, Tuning, RayList};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
 use wgpu::{Buffer, BufferUsages, SubmissionIndex};
 
-/// How long dropping a board waits for launches in flight. What is not done then is never freed.
+/// How long dropping it waits for launches in flight. What is not done then is never freed.
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes sent to the device at once: large enough for the bus, little beside any scene that is worth a GPU.
@@ -31,7 +31,7 @@ fn unreserved() -> DeviceError {
 
 /// A scene resident on a wgpu device.
 #[derive(Debug)]
-pub(crate) struct WgpuBoard {
+pub(crate) struct WgpuApi {
     shared: Arc<Shared>,
     trees: Trees,
     tuning: Tuning,
@@ -49,7 +49,7 @@ pub(crate) struct WgpuBoard {
     started: u64,
 }
 
-impl WgpuBoard {
+impl WgpuApi {
     pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
         let opened = &shared.opened;
         let mut sender = Sender { opened: Arc::clone(opened), last: None };
@@ -88,8 +88,8 @@ const fn bindings<'a>(scene: &'a [Buffer; 4], wide: &'a Buffer, layout: Layout) 
     [tree, triangles, primitives, frame]
 }
 
-impl Board for WgpuBoard {
-    fn api(&self) -> &'static str {
+impl GpuApi for WgpuApi {
+    fn name(&self) -> &'static str {
         "wgpu"
     }
 
@@ -115,7 +115,7 @@ impl Board for WgpuBoard {
         let index = self.free_slot()?;
         let none = self.shared.opened.buffer("no rays", RAY, BufferUsages::STORAGE)?;
         let scene = bindings(&self.scene, &self.wide, layout);
-        let job = Job { making: None, tracing: &tracing, work: &Work::nothing(), counted: false };
+        let job = Job { making: None, tracing: &tracing, list: &RayList::nothing(), counted: false };
         self.slots[index].start(scene, &none, job)?;
         self.slots[index].wait(PATIENCE, &mut |_| ())
     }
@@ -150,19 +150,19 @@ impl Board for WgpuBoard {
         &mut self,
         purpose: Purpose,
         window: u32,
-        work: &Work,
-        order: Option<&Order>,
+        list: &RayList,
+        recipe: Option<&RayRecipe>,
     ) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let tracing = self.shared.pipeline(layout, purpose, depth)?;
         let making =
-            order.map(|order| Ok((self.shared.pipeline(Layout::Two, order.purpose(), 0)?, order))).transpose()?;
+            recipe.map(|recipe| Ok((self.shared.pipeline(Layout::Two, recipe.purpose(), 0)?, recipe))).transpose()?;
         let index = self.free_slot()?;
         let rays = self.rays.get(window as usize).ok_or_else(unreserved)?;
         self.shared.count_launch();
         let scene = bindings(&self.scene, &self.wide, layout);
-        let making = making.as_ref().map(|(kernel, order)| (&**kernel, *order));
-        let job = Job { making, tracing: &tracing, work, counted: purpose.counts() };
+        let making = making.as_ref().map(|(kernel, recipe)| (&**kernel, *recipe));
+        let job = Job { making, tracing: &tracing, list, counted: purpose.counts() };
         self.slots[index].start(scene, rays, job)?;
         self.started += 1;
         let flight = Flight(self.started);
@@ -177,7 +177,7 @@ impl Board for WgpuBoard {
     }
 }
 
-impl Drop for WgpuBoard {
+impl Drop for WgpuApi {
     fn drop(&mut self) {
         // wgpu keeps buffers until the device is done with them, but closing a device waits without end.
         for slot in &mut self.slots {

@@ -60,7 +60,7 @@ impl KernelRay {
 
 /// Prepares rays for a scene's kernel and finishes its hits.
 #[derive(Debug)]
-pub struct Offload<'a> {
+pub struct KernelIo<'a> {
     scene: &'a Scene,
     frame: Frame,
     /// Whether no coordinate is greater than 1, which error bounds of kernels count with. It may be where the scene's
@@ -80,7 +80,7 @@ const LEAST_EXPONENT: i32 = -100;
 /// Largest exponent of a given distance.
 const GREATEST_EXPONENT: i32 = 125;
 
-impl<'a> Offload<'a> {
+impl<'a> KernelIo<'a> {
     /// For rays and hits of `scene`.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
@@ -177,13 +177,13 @@ mod tests {
     #[test]
     fn ordinary_rays_go_to_the_kernel_and_extreme_ones_to_the_host() {
         let scene = scene();
-        let offload = Offload::new(&scene);
+        let io = KernelIo::new(&scene);
         let ray = Ray::new(Vec3::new(0.5, 0.5, 2.0), Vec3::new(0.1, 0.0, -3.0));
-        let prepared = offload.prepare(&ray, 7);
+        let prepared = io.prepare(&ray, 7);
         assert_eq!((prepared.kind, prepared.excluded, prepared.tmax), (2, 7, f32::MAX));
         let factor = f64::from(prepared.shear[0]) + f64::from(prepared.shear[1]);
         assert!((factor - f64::from(0.1_f32) / -3.0).abs() < 1e-15);
-        let kind = |ray: Ray| offload.prepare(&ray, u32::MAX).kind;
+        let kind = |ray: Ray| io.prepare(&ray, u32::MAX).kind;
         assert_eq!(kind(Ray::new(ray.origin, Vec3::ZERO)), KernelRay::MISS);
         assert_eq!(kind(Ray::new(Vec3::splat(1e30), ray.direction)), KernelRay::HOST);
         assert_eq!(kind(Ray::new(ray.origin, ray.direction * 1e35)), KernelRay::HOST);
@@ -199,7 +199,7 @@ mod tests {
         let mut stack = crate::Stack::for_scene(&scene);
         crate::trace(&scene, &mut stack, rt_core::StreamSpec::default(), rays, |hit, _| expected = hit);
         assert!(expected.is_hit());
-        assert_eq!(Offload::new(&scene).finish(&ray, 0), Some(expected));
-        assert_eq!(Offload::new(&scene).finish(&ray, 1), None);
+        assert_eq!(KernelIo::new(&scene).finish(&ray, 0), Some(expected));
+        assert_eq!(KernelIo::new(&scene).finish(&ray, 1), None);
     }
 }

@@ -5,15 +5,15 @@ use crate::device::Shared;
 use crate::launch::{Job, Slot};
 use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Board, Flight, GpuScene, Layout, Order, PATIENCE, Trees, Tuning, Work};
+use rt_gpu::{Answer, GpuApi, Flight, GpuScene, Layout, RayRecipe, PATIENCE, Trees, Tuning, RayList};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long dropping a board waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
+/// How long dropping it waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes of a ray.
@@ -25,11 +25,11 @@ fn unreserved() -> DeviceError {
 
 /// A scene resident on a Vulkan device.
 #[derive(Debug)]
-pub(crate) struct VulkanBoard {
+pub(crate) struct VulkanApi {
     shared: Arc<Shared>,
     trees: Trees,
     tuning: Tuning,
-    /// Taken only when the board is dropped.
+    /// Taken only when it is dropped.
     gpu: Option<Gpu>,
 }
 
@@ -47,7 +47,7 @@ pub(crate) struct Gpu {
     busy: Vec<(Flight, usize, u32)>,
 }
 
-impl VulkanBoard {
+impl VulkanApi {
     pub(crate) fn new(shared: Arc<Shared>, tuning: Tuning, scene: &GpuScene) -> Result<Self, DeviceError> {
         shared.abandoned.sweep();
         let logical = &shared.logical;
@@ -62,16 +62,16 @@ impl VulkanBoard {
             busy: Vec::new(),
         };
         // From here on dropping it waits for the device.
-        let mut board = Self { trees: scene.trees(), tuning, shared, gpu: Some(gpu) };
-        board.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
-        board.shared.logical.check_validation()?;
-        Ok(board)
+        let mut api = Self { trees: scene.trees(), tuning, shared, gpu: Some(gpu) };
+        api.on_gpu(|_, Gpu { timeline, uploader, resident, .. }| resident.fill(uploader, timeline, &image))?;
+        api.shared.logical.check_validation()?;
+        Ok(api)
     }
 
     /// Does something on the device; once that is lost or hangs, nothing any more.
-    fn on_gpu<T>(&mut self, work: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
+    fn on_gpu<T>(&mut self, list: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
-        let result = work(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
+        let result = list(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
         match result.as_ref().map_err(DeviceError::kind) {
             // There is no point in waiting longer.
             Err(DeviceErrorKind::Hung) => self.leave(Duration::ZERO),
@@ -103,8 +103,8 @@ impl Gpu {
     }
 }
 
-impl Board for VulkanBoard {
-    fn api(&self) -> &'static str {
+impl GpuApi for VulkanApi {
+    fn name(&self) -> &'static str {
         "Vulkan"
     }
 
@@ -132,7 +132,7 @@ impl Board for VulkanBoard {
             let Gpu { timeline, resident, slots, .. } = gpu;
             // No ray is read: any buffer will do.
             let [.., frame] = resident.bindings(layout);
-            let job = Job { making: None, tracing, work: &Work::nothing(), counted: false };
+            let job = Job { making: None, tracing, list: &RayList::nothing(), counted: false };
             let value = slots[index].start(resident, frame, job, timeline)?;
             timeline.wait(value, PATIENCE)
         })
@@ -167,13 +167,13 @@ impl Board for VulkanBoard {
         &mut self,
         purpose: Purpose,
         window: u32,
-        work: &Work,
-        order: Option<&Order>,
+        list: &RayList,
+        recipe: Option<&RayRecipe>,
     ) -> Result<Flight, DeviceError> {
         let (layout, depth) = self.trees.of(purpose);
         let tracing = self.shared.pipeline(layout, purpose, depth)?;
         let making =
-            order.map(|order| Ok((self.shared.pipeline(Layout::Two, order.purpose(), 0)?, order))).transpose()?;
+            recipe.map(|recipe| Ok((self.shared.pipeline(Layout::Two, recipe.purpose(), 0)?, recipe))).transpose()?;
         self.on_gpu(|shared, gpu| {
             let index = gpu.free_slot(shared)?;
             let Gpu { timeline, resident, rays, slots, busy, .. } = gpu;
@@ -184,10 +184,10 @@ impl Board for VulkanBoard {
             let value = slots[index].start(
                 resident,
                 rays,
-                Job { making, tracing, work, counted: purpose.counts() },
+                Job { making, tracing, list, counted: purpose.counts() },
                 timeline,
             )?;
-            busy.push((Flight(value), index, work.items()));
+            busy.push((Flight(value), index, list.items()));
             Ok(Flight(value))
         })
     }
@@ -205,7 +205,7 @@ impl Board for VulkanBoard {
     }
 }
 
-impl Drop for VulkanBoard {
+impl Drop for VulkanApi {
     fn drop(&mut self) {
         self.leave(DROP_LIMIT);
     }

@@ -4,7 +4,7 @@ use crate::answers::Checked;
 use crate::contain::contain;
 use crate::limits::{GRACE, Heard, Limits, after, earlier, hear};
 use crate::models::Models;
-use crate::worker::{Answer, Call, Done, Parting, Status, Worker};
+use crate::device_thread::{Answer, Call, Done, Parting, Status, DeviceThread};
 use crate::{BalanceError, Control};
 use rt_core::{Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, Scene, Traffic};
 use std::io;
@@ -23,12 +23,12 @@ const POLL: Duration = Duration::from_millis(10);
 
 /// A device of the run.
 #[derive(Debug)]
-pub(crate) struct Member {
+pub(crate) struct DeviceState {
     /// Its position among all.
     pub(crate) index: usize,
     pub(crate) info: DeviceInfo,
     /// Absent once the device has failed.
-    worker: Option<Worker>,
+    thread: Option<DeviceThread>,
     /// Of a device that failed, but not because it does not answer: tells when its memory is free.
     parting: Option<Parting>,
     pub(crate) models: Models,
@@ -57,16 +57,16 @@ pub(crate) struct Member {
     pub(crate) remark: Option<String>,
 }
 
-impl Member {
+impl DeviceState {
     /// Begins to bring the scene to a device. It is at rest when it has it: see [`settle`].
     pub(crate) fn open(index: usize, device: &Arc<dyn Device>, scene: &Arc<Scene>) -> io::Result<Self> {
         let (to, rest) = channel();
-        let worker = Worker::start(index, Arc::clone(device), Arc::clone(scene), to)?;
+        let thread = DeviceThread::start(index, Arc::clone(device), Arc::clone(scene), to)?;
         Ok(Self {
             index,
             // Until it tells.
             info: DeviceInfo::new(format!("device {index}"), "unknown"),
-            worker: Some(worker),
+            thread: Some(thread),
             parting: None,
             models: Models::default(),
             failure: None,
@@ -86,33 +86,33 @@ impl Member {
 
     /// Whether the device has not failed.
     pub(crate) const fn is_alive(&self) -> bool {
-        self.worker.is_some()
+        self.thread.is_some()
     }
 
     /// Whether it waits for something to do.
     pub(crate) const fn is_ready(&self) -> bool {
-        self.worker.is_some() && self.pending == 0 && self.rest.is_none() && !self.out
+        self.thread.is_some() && self.pending == 0 && self.rest.is_none() && !self.out
     }
 
     /// Whether it may still have a part in the current stream.
     pub(crate) const fn may_come(&self) -> bool {
-        self.worker.is_some() && !self.out
+        self.thread.is_some() && !self.out
     }
 
     /// Asks for something; the answer goes to `to`.
     pub(crate) fn ask(&mut self, call: Call, to: &Sender<Answer>) {
-        let Some(worker) = &self.worker else { return };
+        let Some(thread) = &self.thread else { return };
         if self.pending == 0 {
             self.since = Instant::now();
         }
         self.pending += 1;
-        worker.ask(call, to);
+        thread.ask(call, to);
     }
 
     /// Asks for something that has no answer of its own.
     pub(crate) fn tell(&self, call: Call) {
-        if let Some(worker) = &self.worker {
-            worker.tell(call);
+        if let Some(thread) = &self.thread {
+            thread.tell(call);
         }
     }
 
@@ -189,7 +189,7 @@ impl Member {
     pub(crate) fn fail(&mut self, error: DeviceError) {
         self.lied |= error.kind() == DeviceErrorKind::WrongAnswer;
         self.failure.get_or_insert_with(|| Failure { text: describe(&error), error });
-        self.parting = self.worker.take().map(Worker::dismiss);
+        self.parting = self.thread.take().map(DeviceThread::dismiss);
         (self.pending, self.late, self.rest) = (0, false, None);
     }
 
@@ -216,11 +216,11 @@ struct Failure {
 ///
 /// # Errors
 /// When the caller cancels.
-pub(crate) fn settle(members: &mut [Member], limits: &Limits, control: Control<'_>) -> Result<(), BalanceError> {
+pub(crate) fn settle(members: &mut [DeviceState], limits: &Limits, control: Control<'_>) -> Result<(), BalanceError> {
     for member in members.iter_mut().filter(|member| member.pending > 0 && member.rest.is_none()) {
         let (to, rest) = channel();
-        if let Some(worker) = &member.worker {
-            worker.ask(Call::Rest, &to);
+        if let Some(thread) = &member.thread {
+            thread.ask(Call::Rest, &to);
             member.rest = Some(rest);
         }
     }
@@ -235,8 +235,8 @@ pub(crate) fn settle(members: &mut [Member], limits: &Limits, control: Control<'
             }
         }
         // Where all are late, there is nothing better to do than to wait for one of them.
-        let any_ready = members.iter().any(Member::is_ready);
-        let waited_for = |member: &&mut Member| member.rest.is_some() && !(member.late && any_ready);
+        let any_ready = members.iter().any(DeviceState::is_ready);
+        let waited_for = |member: &&mut DeviceState| member.rest.is_some() && !(member.late && any_ready);
         let Some(member) = members.iter_mut().find(waited_for) else { return Ok(()) };
         let Some(rest) = &member.rest else { return Ok(()) };
         let lost_at = member.lost_at(limits);
@@ -257,7 +257,7 @@ pub(crate) fn settle(members: &mut [Member], limits: &Limits, control: Control<'
 /// # Errors
 /// When the caller cancels.
 pub(crate) fn ask_all(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     call: impl Fn() -> Call,
     limits: &Limits,
     control: Control<'_>,
@@ -273,7 +273,7 @@ pub(crate) fn ask_all(
     while !open.is_empty() {
         let lost_at = open.iter().fold(None, |at, &index| earlier(at, members[index].lost_at(limits)));
         // Where nobody is ready, there is nothing better to do than to wait.
-        let any_ready = members.iter().any(Member::is_ready);
+        let any_ready = members.iter().any(DeviceState::is_ready);
         let deadline = if any_ready { earlier(patience, lost_at) } else { lost_at };
         match hear(&answers, deadline, control) {
             Heard::Answer(Answer { member: index, result, status }) => {
@@ -312,12 +312,12 @@ pub(crate) const fn cancelled() -> BalanceError {
 
 /// Waits for the ends of the devices' threads, which free the scene there: for those that are at rest as long as that takes,
 /// within reason, and hardly for the others.
-pub(crate) fn dismiss(members: &mut [Member]) {
+pub(crate) fn dismiss(members: &mut [DeviceState]) {
     let begin = Instant::now();
     let mut parting = Vec::new();
     for member in members {
         let patience = if member.pending == 0 && member.rest.is_none() { PARTING } else { PARTING_BUSY };
-        let threads = [member.worker.take().map(Worker::dismiss), member.parting.take()];
+        let threads = [member.thread.take().map(DeviceThread::dismiss), member.parting.take()];
         parting.extend(threads.into_iter().flatten().map(|thread| (thread, patience)));
     }
     parting.iter().for_each(|(thread, patience)| thread.wait(begin + *patience));
@@ -338,7 +338,7 @@ pub(crate) fn describe(error: &dyn std::error::Error) -> String {
     told.unwrap_or_else(|panic| panic.to_string())
 }
 
-pub(crate) fn all_lost(members: &[Member], unfinished: usize) -> BalanceError {
+pub(crate) fn all_lost(members: &[DeviceState], unfinished: usize) -> BalanceError {
     let failures = members.iter().filter_map(|m| Some((m.info.name.clone(), m.failure()?.to_owned()))).collect();
     BalanceError::AllDevicesLost { unfinished, failures }
 }

@@ -1,7 +1,7 @@
 //! What a kernel needs to make rays that leave surfaces itself.
 
 use super::camera::{BIAS, direction_exponents};
-use super::{Offload, REACH};
+use super::{KernelIo, REACH};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rt_core::BounceRays;
@@ -9,7 +9,7 @@ use rt_core::bounce::{Aim, GREATEST_EXPONENT, LEAST_EXPONENT};
 
 /// How rays leave surfaces, as the kernel of `bounce.wgsl` reads it. 96 bytes.
 ///
-/// The kernel makes the bits of [`Offload::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of
+/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of
 /// them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -47,7 +47,7 @@ pub struct KernelBounce {
     unused: u32,
 }
 
-/// Exponent of 1 as [`Offload::bounce`] counts them: 1 is in [2⁻¹, 2⁰) times 2.
+/// Exponent of 1 as [`KernelIo::bounce`] counts them: 1 is in [2⁻¹, 2⁰) times 2.
 const UNIT: i32 = BIAS - 1;
 
 /// Greatest exponent of a distance across the scene from a point of it: local coordinates are less than 1.
@@ -60,7 +60,7 @@ const GREATEST_RADIUS: f32 = 1024.0;
 /// them leave over, are then multiples of 2⁻¹¹².
 const LEAST_COMPONENT: f32 = 1.0 / (1_u64 << 40) as f32;
 
-impl Offload<'_> {
+impl KernelIo<'_> {
     /// How the rays of a stream leave this scene's surfaces; `None` where the host must prepare the rays.
     #[must_use]
     pub fn bounce(&self, rays: &BounceRays) -> Option<KernelBounce> {

@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Counts of rays that all tracers of a device add to.
 #[derive(Debug, Default)]
-pub struct Tally {
+pub struct RayCounters {
     rays: AtomicU64,
     on_host: AtomicU64,
     made: AtomicU64,
 }
 
-impl Tally {
+impl RayCounters {
     /// Rays of all launches and walks that were waited for.
     #[must_use]
     pub fn rays(&self) -> u64 {

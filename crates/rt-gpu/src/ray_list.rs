@@ -1,6 +1,6 @@
-//! Which rays a kernel traces: the shader's structure `Work`, and where the answers belong.
+//! Which rays a kernel traces: the shader's structure `RayList`, and where the answers belong.
 
-use crate::order::{Row, append_table};
+use crate::ray_recipe::{Row, append_table};
 use rt_core::{RayMask, Task};
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ const HEADER: usize = 3;
 
 /// The rays of one kernel that was or will be started, all of one window.
 #[derive(Clone, Debug)]
-pub struct Work {
+pub struct RayList {
     words: Vec<u32>,
     items: u32,
     runs: Vec<Run>,
@@ -24,7 +24,7 @@ struct Run {
     place: u32,
 }
 
-impl Work {
+impl RayList {
     /// What the kernel reads at binding 5. Lists and ranges name rays by their number in the window.
     #[must_use]
     pub fn words(&self) -> &[u32] {
@@ -38,7 +38,7 @@ impl Work {
         Self { words: vec![0; HEADER + 2], items: 0, runs: Vec::new() }
     }
 
-    /// Number of rays, and of answers: at least one, but for [`Work::nothing`].
+    /// Number of rays, and of answers: at least one, but for [`RayList::nothing`].
     #[must_use]
     pub const fn items(&self) -> u32 {
         self.items
@@ -138,9 +138,9 @@ impl Sorter {
     }
 
     /// The windows with rays, and the rays of each, for kernels of `persistent` lanes or one for each ray.
-    pub(crate) fn finish(self, persistent: Option<u32>) -> Vec<(u32, Work)> {
-        let work = |(window, (runs, items))| (window, Work::new(runs, items, window * self.window, persistent));
-        self.parts.into_iter().map(work).collect()
+    pub(crate) fn finish(self, persistent: Option<u32>) -> Vec<(u32, RayList)> {
+        let list = |(window, (runs, items))| (window, RayList::new(runs, items, window * self.window, persistent));
+        self.parts.into_iter().map(list).collect()
     }
 }
 
@@ -182,15 +182,15 @@ mod tests {
             let persistent = (seed % 3 == 0).then_some(1 + below(64, 5));
 
             let mut found = Vec::new();
-            for (number, work) in sorter.finish(persistent) {
-                let rays: Vec<u32> = read(work.words()).iter().map(|ray| number * window + ray).collect();
-                let pairs: Vec<(u32, u32)> = work.from(0).collect();
+            for (number, list) in sorter.finish(persistent) {
+                let rays: Vec<u32> = read(list.words()).iter().map(|ray| number * window + ray).collect();
+                let pairs: Vec<(u32, u32)> = list.from(0).collect();
                 assert_eq!(rays, pairs.iter().map(|pair| pair.0).collect::<Vec<_>>());
                 assert!(rays.iter().all(|ray| ray / window == number));
-                assert_eq!((pairs.len(), work.words()[0]), (work.items() as usize, work.lanes()));
-                assert_eq!(work.lanes(), persistent.unwrap_or(u32::MAX).min(work.items()));
-                let middle = below(work.items(), 6);
-                assert!(work.from(middle).eq(pairs[middle as usize..].iter().copied()));
+                assert_eq!((pairs.len(), list.words()[0]), (list.items() as usize, list.lanes()));
+                assert_eq!(list.lanes(), persistent.unwrap_or(u32::MAX).min(list.items()));
+                let middle = below(list.items(), 6);
+                assert!(list.from(middle).eq(pairs[middle as usize..].iter().copied()));
                 found.extend(pairs);
             }
             let all = (0..).zip(tasks.iter().flat_map(Task::range)).map(|(place, ray)| (ray, place));
@@ -223,8 +223,8 @@ mod tests {
     #[test]
     fn a_counter_that_would_wrap_around_is_not_used() {
         let run = || vec![Run { item: 0, ray: 0, place: 0 }];
-        assert_eq!(Work::new(run(), u32::MAX - 5, 0, Some(64)).lanes(), u32::MAX - 5);
-        assert_eq!(Work::new(run(), u32::MAX - 64, 0, Some(64)).lanes(), 64);
-        assert_eq!(Work::new(run(), 10, 0, Some(0)).lanes(), 1);
+        assert_eq!(RayList::new(run(), u32::MAX - 5, 0, Some(64)).lanes(), u32::MAX - 5);
+        assert_eq!(RayList::new(run(), u32::MAX - 64, 0, Some(64)).lanes(), 64);
+        assert_eq!(RayList::new(run(), 10, 0, Some(0)).lanes(), 1);
     }
 }

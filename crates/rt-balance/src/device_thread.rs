@@ -113,7 +113,7 @@ fn gone() -> DeviceError {
 
 /// A device's thread, from outside. Dropping it ends the thread after its current call; nobody waits for that.
 #[derive(Debug)]
-pub(crate) struct Worker {
+pub(crate) struct DeviceThread {
     member: usize,
     calls: Sender<(Call, Option<Reply>)>,
     parting: Parting,
@@ -132,7 +132,7 @@ impl Parting {
     }
 }
 
-impl Worker {
+impl DeviceThread {
     /// Starts a thread that brings the scene to the device. Two answers come: what the device is, and whether it took it.
     ///
     /// # Errors

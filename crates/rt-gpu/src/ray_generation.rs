@@ -3,15 +3,15 @@
 //! So a device is told only of the rays that it traces, and neither it nor the others wait for rays to be made that are
 //! traced later, or elsewhere.
 
-use crate::order::{Order, Row};
-use crate::{Board, Work};
-use rt_bvh::offload::{KernelBounce, KernelCamera, Offload};
+use crate::ray_recipe::{RayRecipe, Row};
+use crate::{GpuApi, RayList};
+use rt_bvh::kernel_io::{KernelBounce, KernelCamera, KernelIo};
 use rt_core::{RayMask, RaySource};
 use rt_shaders::Purpose;
 
 /// What is known of a stream whose rays the device makes.
 #[derive(Debug)]
-pub(crate) struct Maker {
+pub(crate) struct RayGeneration {
     block: Block,
     made: RayMask,
 }
@@ -22,12 +22,12 @@ enum Block {
     Bounce(KernelBounce),
 }
 
-impl Maker {
+impl RayGeneration {
     /// `None` where the host must prepare the rays.
-    pub(crate) fn new(board: &mut impl Board, offload: &Offload<'_>, source: &RaySource) -> Option<Self> {
+    pub(crate) fn new(api: &mut impl GpuApi, io: &KernelIo<'_>, source: &RaySource) -> Option<Self> {
         let block = match source {
-            RaySource::Camera(rays) if board.makes(Purpose::Camera) => Block::Camera(offload.camera(rays)?),
-            RaySource::Bounce(rays) if board.makes(Purpose::Bounce) => Block::Bounce(offload.bounce(rays)?),
+            RaySource::Camera(rays) if api.makes(Purpose::Camera) => Block::Camera(io.camera(rays)?),
+            RaySource::Bounce(rays) if api.makes(Purpose::Bounce) => Block::Bounce(io.bounce(rays)?),
             _ => return None,
         };
         Some(Self { block, made: RayMask::new(source.len()) })
@@ -35,31 +35,31 @@ impl Maker {
 
     /// What the device is to make before it traces `work`, whose window begins with ray number `first`; `None` if nothing.
     /// `places` are those of the scene's triangles on the device.
-    pub(crate) fn order<'a>(
+    pub(crate) fn recipe<'a>(
         &self,
         source: &RaySource,
-        work: &Work,
+        list: &RayList,
         first: u32,
         places: impl FnOnce() -> &'a [u32],
-    ) -> Option<Order> {
-        let rows = self.missing(work);
+    ) -> Option<RayRecipe> {
+        let rows = self.missing(list);
         match (&self.block, source) {
             _ if rows.is_empty() => None,
-            (Block::Camera(block), RaySource::Camera(rays)) => Some(Order::camera(block, rays, &rows, first)),
-            (Block::Bounce(block), RaySource::Bounce(rays)) => Some(Order::bounce(block, rays, &rows, first, places())),
+            (Block::Camera(block), RaySource::Camera(rays)) => Some(RayRecipe::camera(block, rays, &rows, first)),
+            (Block::Bounce(block), RaySource::Bounce(rays)) => Some(RayRecipe::bounce(block, rays, &rows, first, places())),
             _ => None,
         }
     }
 
     /// Takes note that the rays of `work` are made.
-    pub(crate) fn note(&mut self, work: &Work) {
-        work.rows().for_each(|row| self.made.insert_all(row.ray..row.ray + row.count));
+    pub(crate) fn note(&mut self, list: &RayList) {
+        list.rows().for_each(|row| self.made.insert_all(row.ray..row.ray + row.count));
     }
 
     /// The work's rays that are not made, in rows as long as can be, in order.
-    fn missing(&self, work: &Work) -> Vec<Row> {
+    fn missing(&self, list: &RayList) -> Vec<Row> {
         let mut rows = Vec::new();
-        for Row { ray, count } in work.rows() {
+        for Row { ray, count } in list.rows() {
             if self.made.count_in(ray..ray + count) == 0 {
                 rows.push(Row { ray, count });
             } else {

@@ -5,9 +5,9 @@ use std::cell::Cell;
 use std::io;
 use std::time::{Duration, Instant};
 
-/// A stretch of the time and of the bar: all of both, or what one trade, scene or stream gets of them.
+/// A share of the time and of the bar: all of both, or what one trade, scene or stream gets of them.
 #[derive(Clone)]
-pub(crate) struct Stretch<'a> {
+pub(crate) struct TimeBudget<'a> {
     show: &'a dyn Show,
     /// What is measured.
     label: Cell<&'static str>,
@@ -21,7 +21,7 @@ pub(crate) struct Stretch<'a> {
     steps: u64,
 }
 
-impl<'a> Stretch<'a> {
+impl<'a> TimeBudget<'a> {
     /// From now on, for as long as the budget lasts.
     pub(crate) fn whole(show: &'a dyn Show, budget: Option<Duration>) -> Self {
         let until = budget.map(|budget| Instant::now() + budget);
@@ -122,16 +122,16 @@ mod tests {
     fn parts_share_what_is_left_and_rounds_end_with_it() {
         let hour = Duration::from_secs(3600);
         let bar = Bar::default();
-        let whole = Stretch::whole(&bar, Some(hour));
-        let left = |stretch: &Stretch<'_>| stretch.left().unwrap().as_secs_f64();
+        let whole = TimeBudget::whole(&bar, Some(hour));
+        let left = |stretch: &TimeBudget<'_>| stretch.left().unwrap().as_secs_f64();
         let near = |found: f64, wanted: f64| assert!((found / wanted - 1.0).abs() < 0.05, "{found}, not {wanted}");
         near(left(&whole.part(&[2.0, 1.0, 1.0], 0)), 1800.0);
         // Nothing was spent before the second part, so it gets half of all.
         near(left(&whole.part(&[2.0, 1.0, 1.0], 1)), 1800.0);
         near(left(&whole.equal_part(3, 2)), 3600.0);
         assert_eq!(whole.rounds(5).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5]);
-        assert_eq!(Stretch::whole(&bar, None).rounds(2).count(), 3);
-        let spent = Stretch::whole(&bar, Some(Duration::ZERO));
+        assert_eq!(TimeBudget::whole(&bar, None).rounds(2).count(), 3);
+        let spent = TimeBudget::whole(&bar, Some(Duration::ZERO));
         assert_eq!(spent.rounds(5).collect::<Vec<_>>(), [0, 1]);
         assert_eq!(left(&spent.equal_part(2, 0)), 0.0);
     }
@@ -140,7 +140,7 @@ mod tests {
     #[test]
     fn the_bar_moves_within_its_part() {
         let bar = Bar::default();
-        let whole = Stretch::whole(&bar, None);
+        let whole = TimeBudget::whole(&bar, None);
         let part = whole.part(&[3.0, 1.0], 1).with_steps(2, 2);
         let places: Vec<f64> = (0..6).map(|_| (part.step(), bar.0.get()).1).collect();
         assert_eq!(places, [0.8125, 0.875, 0.9375, 1.0, 1.0, 1.0]);

@@ -1,13 +1,13 @@
 //! What a kernel needs to make camera rays itself.
 
-use super::{GREATEST_EXPONENT, LEAST_EXPONENT, Offload, REACH, exponent_of};
+use super::{GREATEST_EXPONENT, LEAST_EXPONENT, KernelIo, REACH, exponent_of};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rt_core::{CameraRays, Ray};
 
 /// A camera as the kernel of `camera.wgsl` reads it. 96 bytes.
 ///
-/// The kernel makes the bits of [`Offload::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of them.
+/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct KernelCamera {
@@ -58,7 +58,7 @@ pub(super) fn direction_exponents(scene: i32, reach: i32) -> Option<[u32; 2]> {
     (least <= greatest).then(|| [least, greatest].map(|exponent| (exponent + BIAS) as u32))
 }
 
-impl Offload<'_> {
+impl KernelIo<'_> {
     /// The camera of a stream; `None` where the host must prepare the rays.
     #[must_use]
     pub fn camera(&self, rays: &CameraRays) -> Option<KernelCamera> {
@@ -124,13 +124,13 @@ mod tests {
             [(1.0, 1.0, true), (1e30, 1e30, true), (1e-30, 1e-30, true), (1.0, 1e30, false), (1e-30, 1.0, false)]
         {
             let scene = scene(size);
-            let offload = Offload::new(&scene);
-            assert_eq!(offload.camera(&rays(eye, 1)).is_some(), made, "{size:e} {eye:e}");
-            let prepared = (0..16).map(|i| offload.prepare(&rays(eye, 1).ray(i), u32::MAX));
+            let io = KernelIo::new(&scene);
+            assert_eq!(io.camera(&rays(eye, 1)).is_some(), made, "{size:e} {eye:e}");
+            let prepared = (0..16).map(|i| io.prepare(&rays(eye, 1).ray(i), u32::MAX));
             assert_eq!(prepared.into_iter().any(|ray| ray.kind < super::super::KernelRay::MISS), made);
         }
         let scene = scene(1.0);
-        assert!(Offload::new(&scene).camera(&CameraRays { size: [0, 4], ..rays(1.0, 1) }).is_none());
-        assert!(Offload::new(&scene).camera(&rays(1.0, 0)).is_none());
+        assert!(KernelIo::new(&scene).camera(&CameraRays { size: [0, 4], ..rays(1.0, 1) }).is_none());
+        assert!(KernelIo::new(&scene).camera(&rays(1.0, 0)).is_none());
     }
 }

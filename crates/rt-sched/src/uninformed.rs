@@ -114,7 +114,7 @@ mod tests {
 
     /// Mutants: `devices` instead of `devices - 1`, and tasks and devices exchanged.
     #[test]
-    fn blind_queues_lose_about_as_much_as_simulated() {
+    fn uninformed_queues_lose_about_as_much_as_simulated() {
         for (tasks, devices) in
             [(16, 2), (64, 2), (1024, 2), (64, 3), (1024, 3), (64, 8), (1024, 8), (1024, 64), (65_536, 64)]
         {

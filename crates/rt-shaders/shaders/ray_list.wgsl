@@ -1,7 +1,7 @@
 // Which rays a launch traces.
 
-// rt_gpu's `Work`; a test compares the offsets.
-struct Work {
+// rt_gpu's `RayList`; a test compares the offsets.
+struct RayList {
     // The first item that no lane has taken: at the start, the number of lanes.
     next: atomic<u32>,
     // Lanes that work. As many as items, or fewer: then they are persistent threads (T. Aila and S. Laine,
@@ -15,22 +15,22 @@ struct Work {
     rays: array<u32>,
 }
 
-@group(0) @binding(5) var<storage, read_write> work: Work;
+@group(0) @binding(5) var<storage, read_write> list: RayList;
 
 fn ray_of(item: u32) -> u32 {
-    if work.ranges == 0u {
-        return work.rays[item];
+    if list.ranges == 0u {
+        return list.rays[item];
     }
     // The last range that does not begin behind the item.
     var low = 0u;
-    var high = work.ranges;
+    var high = list.ranges;
     while high - low > 1u {
         let middle = (low + high) / 2u;
-        if work.rays[2u * middle] <= item {
+        if list.rays[2u * middle] <= item {
             low = middle;
         } else {
             high = middle;
         }
     }
-    return work.rays[2u * low + 1u] + (item - work.rays[2u * low]);
+    return list.rays[2u * low + 1u] + (item - list.rays[2u * low]);
 }
