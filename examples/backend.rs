@@ -6,8 +6,8 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::intersect::Shear;
 use rt_balance::{
-    Balancer, Capabilities, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource,
-    Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+    Balancer, Capabilities, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
+    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -4,8 +4,8 @@ use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
 use rt_core::intersect::{Shear, round_distance};
 use rt_core::{
-    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray, RayMask,
-    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
+    RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;

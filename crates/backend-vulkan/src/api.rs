@@ -1,19 +1,21 @@
 //! One scene on one Vulkan device.
 
 use crate::buffer::{Buffer, Use};
-use crate::device::Shared;
+use crate::gpu::Gpu;
 use crate::launch::{Job, Slot};
+use crate::probe;
+use crate::shared::Shared;
 use crate::timeline::Timeline;
 use crate::upload::{Resident, Uploader};
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, GpuApi, Flight, GpuScene, Layout, RayRecipe, PATIENCE, Trees, Tuning, RayList};
+use rt_gpu::{Answer, Flight, GpuApi, GpuScene, Layout, PATIENCE, RayList, RayRecipe, Trees, Tuning};
 use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long dropping it waits for launches in flight. What is not done then is freed later, see [`Abandoned`].
+/// How long dropping it waits for launches in flight. What is not done then is freed later, see [`Abandoned`](crate::gpu::Abandoned).
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes of a ray.
@@ -31,20 +33,6 @@ pub(crate) struct VulkanApi {
     tuning: Tuning,
     /// Taken only when it is dropped.
     gpu: Option<Gpu>,
-}
-
-/// What the device holds.
-#[derive(Debug)]
-pub(crate) struct Gpu {
-    timeline: Timeline,
-    uploader: Uploader,
-    resident: Resident,
-    /// The windows: as many rays in each but the last.
-    rays: Vec<Buffer>,
-    /// As many as kernels were in flight at once.
-    slots: Vec<Slot>,
-    /// Kernels in flight with the slot and the number of items of each.
-    busy: Vec<(Flight, usize, u32)>,
 }
 
 impl VulkanApi {
@@ -69,9 +57,9 @@ impl VulkanApi {
     }
 
     /// Does something on the device; once that is lost or hangs, nothing any more.
-    fn on_gpu<T>(&mut self, list: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
+    fn on_gpu<T>(&mut self, act: impl FnOnce(&Shared, &mut Gpu) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let lost = || DeviceError::new(DeviceErrorKind::Lost, "the Vulkan device was lost in an earlier call");
-        let result = list(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
+        let result = act(&self.shared, self.gpu.as_mut().ok_or_else(lost)?);
         match result.as_ref().map_err(DeviceError::kind) {
             // There is no point in waiting longer.
             Err(DeviceErrorKind::Hung) => self.leave(Duration::ZERO),
@@ -91,18 +79,6 @@ impl VulkanApi {
     }
 }
 
-impl Gpu {
-    /// A slot without a launch in flight.
-    fn free_slot(&mut self, shared: &Shared) -> Result<usize, DeviceError> {
-        let Self { slots, busy, .. } = self;
-        let free = (0..slots.len()).find(|index| busy.iter().all(|(_, slot, _)| slot != index));
-        if free.is_none() {
-            slots.push(Slot::new(&shared.logical, shared.layout())?);
-        }
-        Ok(free.unwrap_or(slots.len() - 1))
-    }
-}
-
 impl GpuApi for VulkanApi {
     fn name(&self) -> &'static str {
         "Vulkan"
@@ -118,7 +94,7 @@ impl GpuApi for VulkanApi {
     }
 
     fn makes(&mut self, purpose: Purpose) -> bool {
-        !self.tuning.host_rays && self.shared.makes(purpose)
+        !self.tuning.host_rays && probe::makes(&self.shared, purpose)
     }
 
     fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
@@ -128,7 +104,7 @@ impl GpuApi for VulkanApi {
             return Ok(());
         }
         self.on_gpu(|shared, gpu| {
-            let index = gpu.free_slot(shared)?;
+            let index = gpu.free_slot(&shared.logical, shared.layout())?;
             let Gpu { timeline, resident, slots, .. } = gpu;
             // No ray is read: any buffer will do.
             let [.., frame] = resident.bindings(layout);
@@ -175,7 +151,7 @@ impl GpuApi for VulkanApi {
         let making =
             recipe.map(|recipe| Ok((self.shared.pipeline(Layout::Two, recipe.purpose(), 0)?, recipe))).transpose()?;
         self.on_gpu(|shared, gpu| {
-            let index = gpu.free_slot(shared)?;
+            let index = gpu.free_slot(&shared.logical, shared.layout())?;
             let Gpu { timeline, resident, rays, slots, busy, .. } = gpu;
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
             if shared.faults.lose_launch() {
@@ -208,28 +184,5 @@ impl GpuApi for VulkanApi {
 impl Drop for VulkanApi {
     fn drop(&mut self) {
         self.leave(DROP_LIMIT);
-    }
-}
-
-/// What a device may still write to though nobody waits for it any more: freed when it no longer does, or never.
-#[derive(Debug, Default)]
-pub(crate) struct Abandoned(Mutex<Vec<Gpu>>);
-
-impl Abandoned {
-    fn add(&self, gpu: Gpu) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(gpu);
-    }
-
-    /// Frees what the device is done with.
-    fn sweep(&self) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).retain(|gpu| !gpu.timeline.idle(Duration::ZERO));
-    }
-}
-
-impl Drop for Abandoned {
-    fn drop(&mut self) {
-        self.sweep();
-        // Better lost than freed. What is lost holds the device, which so stays open.
-        std::mem::take(self.0.get_mut().unwrap_or_else(PoisonError::into_inner)).into_iter().for_each(std::mem::forget);
     }
 }

@@ -74,7 +74,7 @@ pub(crate) fn failed(task: &'static str) -> impl FnOnce(vk::Result) -> DeviceErr
             vk::Result::TIMEOUT => DeviceErrorKind::Hung,
             _ => DeviceErrorKind::Lost,
         };
-        let advice = if kind == DeviceErrorKind::Lost { "; it may list again when it is opened anew" } else { "" };
+        let advice = if kind == DeviceErrorKind::Lost { "; it may work again when it is opened anew" } else { "" };
         DeviceError::new(kind, format!("the Vulkan device failed to {task}{advice}")).with_source(source)
     }
 }

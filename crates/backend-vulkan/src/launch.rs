@@ -7,7 +7,7 @@ use crate::pipeline::{Bindings, Layout, Pipeline};
 use crate::timeline::Timeline;
 use crate::upload::Resident;
 use rt_core::{DeviceError, TestCounts};
-use rt_gpu::{RayRecipe, RayList};
+use rt_gpu::{RayList, RayRecipe};
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -27,21 +27,25 @@ mod buffer;
 mod commands;
 mod device;
 mod error;
+mod gpu;
 mod instance;
 mod launch;
 mod logical;
 mod memory;
+mod options;
 mod pipeline;
 mod probe;
 #[cfg(feature = "test-support")]
 mod provoke;
+mod shared;
 mod timeline;
 mod upload;
 
-#[cfg(feature = "test-support")]
-pub use device::Replacement;
-pub use device::{Options, VulkanDevice};
+pub use device::VulkanDevice;
 pub use error::OpenError;
+pub use options::Options;
+#[cfg(feature = "test-support")]
+pub use options::Replacement;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
 pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};

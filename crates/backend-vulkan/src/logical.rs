@@ -1,9 +1,9 @@
 //! The opened (Vulkan: logical) device, its queue and its limits.
 
-use crate::device::Options;
 use crate::error::{OpenError, failed, opening};
 use crate::instance::{Abilities, Instance};
 use crate::memory::Memory;
+use crate::options::Options;
 use ash::vk;
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_shaders::FloatControls;
@@ -110,12 +110,12 @@ impl Logical {
 
     /// Hands work to the queue.
     pub(crate) fn submit(&self, info: &vk::SubmitInfo<'_>) -> Result<(), DeviceError> {
-        self.check_lost("take list")?;
+        self.check_lost("take work")?;
         let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: the queue is of this device and locked; callers pass handles of this device that live until the work
         // is done.
         let taken = unsafe { self.raw.queue_submit(*queue, std::slice::from_ref(info), vk::Fence::null()) };
-        taken.map_err(|source| self.failed("take list", source))
+        taken.map_err(|source| self.failed("take work", source))
     }
 
     /// The error for a call that failed; remembers when the device is lost.

@@ -2,13 +2,13 @@
 
 use crate::buffer::{Buffer, Use};
 use crate::commands::{Commands, Stage};
-use crate::device::Shared;
 use crate::pipeline::Bindings;
+use crate::shared::Shared;
 use crate::timeline::Timeline;
 use bytemuck::AnyBitPattern;
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::DeviceError;
-use rt_gpu::{RayRecipe, PATIENCE, SceneImage, arithmetic, bounce, camera};
+use rt_gpu::{PATIENCE, RayRecipe, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
@@ -19,8 +19,13 @@ pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, Device
     Ok(arithmetic::first_fault(&answers))
 }
 
+/// Whether a kernel that makes rays makes those of the host; found out when it is first asked.
+pub(crate) fn makes(shared: &Shared, purpose: Purpose) -> bool {
+    shared.trials.passed(purpose, || check_camera(shared), |trials| check_bounces(shared, trials))
+}
+
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
-pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
+fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
     camera::fault(|recipe| make(shared, None, recipe))
 }
 

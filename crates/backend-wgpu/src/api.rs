@@ -1,12 +1,13 @@
 //! One scene on one wgpu device.
 
-use crate::device::Shared;
 use crate::launch::{Job, Slot};
 use crate::opened::Opened;
+use crate::probe;
+use crate::shared::Shared;
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, GpuApi, Flight, GpuScene, RayRecipe, PATIENCE, Trees, Tuning, RayList};
+use rt_gpu::{Answer, Flight, GpuApi, GpuScene, PATIENCE, RayList, RayRecipe, Trees, Tuning};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
@@ -103,7 +104,7 @@ impl GpuApi for WgpuApi {
     }
 
     fn makes(&mut self, purpose: Purpose) -> bool {
-        !self.tuning.host_rays && self.shared.makes(purpose)
+        !self.tuning.host_rays && probe::makes(&self.shared, purpose)
     }
 
     fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {

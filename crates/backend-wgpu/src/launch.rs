@@ -4,7 +4,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
-use rt_gpu::{Answer, RayRecipe, RayList};
+use rt_gpu::{Answer, RayList, RayRecipe};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};

@@ -24,13 +24,16 @@ mod device;
 mod error;
 mod launch;
 mod opened;
+mod options;
 mod pipeline;
 mod probe;
+mod shared;
 #[expect(unsafe_code, reason = "wgpu's call for kernels that need no checks is unsafe")]
 mod trusted;
 
-pub use device::{Options, WgpuDevice};
+pub use device::WgpuDevice;
 pub use error::OpenError;
+pub use options::Options;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
 pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};

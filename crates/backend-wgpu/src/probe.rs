@@ -1,10 +1,10 @@
 //! Asking a device a question by a kernel of its own: whether it rounds as the others rely on, and makes rays.
 
-use crate::device::Shared;
+use crate::shared::Shared;
 use bytemuck::Pod;
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{RayRecipe, PATIENCE, SceneImage, arithmetic, bounce, camera};
+use rt_gpu::{PATIENCE, RayRecipe, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
@@ -17,8 +17,13 @@ pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, Device
     Ok(arithmetic::first_fault(&answers))
 }
 
+/// Whether a kernel that makes rays makes those of the host; found out when it is first asked.
+pub(crate) fn makes(shared: &Shared, purpose: Purpose) -> bool {
+    shared.trials.passed(purpose, || check_camera(shared), |trials| check_bounces(shared, trials))
+}
+
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
-pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
+fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
     camera::fault(|recipe| make(shared, None, recipe))
 }
 

@@ -1,14 +1,14 @@
 //! The balancer: one scene, several devices, and what was learned about them.
 
+use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
+use crate::device_thread::Call;
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
 use crate::models::{Key, uninformed_excess};
 use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
-use crate::device_thread::Call;
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
     CostEstimator, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream,
@@ -194,7 +194,12 @@ impl Balancer {
         let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
         let end = clock::now();
 
-        teach(&mut *scheduling.estimator, stream.view(plan.workers.len(), estimated.uninformed_excess), &estimated, &ran);
+        teach(
+            &mut *scheduling.estimator,
+            stream.view(plan.workers.len(), estimated.uninformed_excess),
+            &estimated,
+            &ran,
+        );
         learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))

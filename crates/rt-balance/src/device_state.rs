@@ -2,9 +2,9 @@
 
 use crate::answers::Checked;
 use crate::contain::contain;
+use crate::device_thread::{Answer, Call, DeviceThread, Done, Parting, Status};
 use crate::limits::{GRACE, Heard, Limits, after, earlier, hear};
 use crate::models::Models;
-use crate::device_thread::{Answer, Call, Done, Parting, Status, DeviceThread};
 use crate::{BalanceError, Control};
 use rt_core::{Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, Scene, Traffic};
 use std::io;

@@ -1,7 +1,7 @@
 //! Asks an estimator what a stream's tasks will cost, and the devices what it wants to know.
 
-use crate::limits::Limits;
 use crate::device_state::{DeviceState, cancelled};
+use crate::limits::Limits;
 use crate::output::Output;
 use crate::record::WalkDone;
 use crate::walk::{Found, walk_on_all};

@@ -36,13 +36,14 @@ mod balancer;
 pub mod catalogue;
 mod clock;
 mod contain;
+mod device_state;
+mod device_thread;
 #[cfg(feature = "cpu")]
 pub mod devices;
 mod error;
 mod estimate;
 mod limits;
 mod measure;
-mod device_state;
 pub mod middleware;
 mod models;
 mod output;
@@ -55,7 +56,6 @@ mod run;
 pub mod stats;
 mod stream;
 mod walk;
-mod device_thread;
 
 pub use answers::Audit;
 pub use balancer::Balancer;

@@ -1,7 +1,7 @@
 //! Turns what happened into a report, and teaches the cost models.
 
-use crate::estimate::Estimated;
 use crate::device_state::DeviceState;
+use crate::estimate::Estimated;
 use crate::models::Key;
 use crate::plan::Plan;
 use crate::report::{Activity, DeviceReport, EstimateReport, ModelReport, StreamReport, StreamRun};

@@ -4,9 +4,9 @@ use crate::Stream;
 use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{Coherence, CostEstimator, CostModel, CountsToken, StreamKind, TaskId, Work};
-use rt_sched::uninformed;
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use rt_sched::queue::QueueMaker;
+use rt_sched::uninformed;
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -100,7 +100,12 @@ const ALIKE: f64 = 1.15;
 
 /// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else one for all.
 /// Models from different sources must not meet in one schedule, since walks are more expensive than launches.
-pub(crate) fn models_for(members: &[DeviceState], workers: &[usize], key: Option<Key>, work: &[Work]) -> Vec<CostModel> {
+pub(crate) fn models_for(
+    members: &[DeviceState],
+    workers: &[usize],
+    key: Option<Key>,
+    work: &[Work],
+) -> Vec<CostModel> {
     let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<Calibration>> {
         workers.iter().map(|&worker| calibrations(&members[worker].models).get(&key?).copied()).collect()
     };

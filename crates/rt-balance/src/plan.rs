@@ -1,7 +1,7 @@
 //! Turns an estimate into a queue.
 
-use crate::estimate::Estimated;
 use crate::device_state::{DeviceState, all_lost};
+use crate::estimate::Estimated;
 use crate::models::{Key, models_for};
 use crate::{BalanceError, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};

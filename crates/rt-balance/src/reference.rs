@@ -1,12 +1,12 @@
 //! The separate pass that makes excess and estimation errors known.
 
 use crate::balancer::Balancer;
+use crate::device_state::{DeviceState, all_lost, cancelled};
+use crate::device_thread::{Answer, Call, Done};
 use crate::limits::{Heard, earlier, hear};
 use crate::measure::tests_of;
-use crate::device_state::{DeviceState, all_lost, cancelled};
 use crate::report::{ErrorReport, StreamRun};
 use crate::stats::median;
-use crate::device_thread::{Answer, Call, Done};
 use crate::{Audit, BalanceError, Control, Limits, Stream, clock};
 use rt_core::{Launch, TestCounts};
 use rt_sched::calibrate::cross_predicted;

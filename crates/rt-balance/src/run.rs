@@ -7,13 +7,13 @@
 //! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late, answers
 //! for nothing. Tasks of a device that is not believed any more are open again, all of them.
 
+use crate::device_state::{DeviceState, all_lost};
+use crate::device_thread::{Answer, Call, Done};
 use crate::estimate::{Finders, find_again};
 use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
-use crate::device_state::{DeviceState, all_lost};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::record::{LaunchDone, WalkDone};
-use crate::device_thread::{Answer, Call, Done};
 use crate::{BalanceError, Control, Stream};
 use rt_core::{Launch, Task, TaskId, TaskOutcome};
 use rt_sched::queue::Pop;
@@ -354,7 +354,12 @@ impl Run<'_> {
     }
 
     /// Replaces what devices brought that are not believed. It may be that another one is found out by that.
-    fn repair(&mut self, liars: &[usize], members: &mut [DeviceState], output: &mut Output<'_>) -> Result<(), BalanceError> {
+    fn repair(
+        &mut self,
+        liars: &[usize],
+        members: &mut [DeviceState],
+        output: &mut Output<'_>,
+    ) -> Result<(), BalanceError> {
         self.repaired.extend(liars);
         liars.iter().for_each(|&liar| self.disbelieve(liar));
         let found = find_again(members, self.finders, liars, output, self.limits, self.control);
@@ -367,7 +372,12 @@ impl Run<'_> {
         Ok(())
     }
 
-    fn take(&mut self, answer: Answer, members: &mut [DeviceState], output: &mut Output<'_>) -> Result<(), BalanceError> {
+    fn take(
+        &mut self,
+        answer: Answer,
+        members: &mut [DeviceState],
+        output: &mut Output<'_>,
+    ) -> Result<(), BalanceError> {
         let Answer { member, result, status } = answer;
         let Some(worker) = self.workers.iter().position(|worker| worker.member == member) else { return Ok(()) };
         members[member].answered(&status);

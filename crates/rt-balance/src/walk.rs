@@ -1,9 +1,9 @@
 //! Walks a list of rays on all devices in parallel.
 
-use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
 use crate::device_state::{DeviceState, all_lost, cancelled};
-use crate::record::WalkDone;
 use crate::device_thread::{Answer, Call, Done, Walked};
+use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
+use crate::record::WalkDone;
 use crate::{BalanceError, Control};
 use rt_core::{DeviceError, DeviceErrorKind, Hit, TestCounts, Walk};
 use std::collections::VecDeque;

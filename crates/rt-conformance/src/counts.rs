@@ -13,11 +13,7 @@ pub(crate) const CASES: &[Case] = &[
         needs: &[Need::SceneTree, Need::DefinedBits],
         run: counts_are_the_trees_own,
     },
-    Case {
-        name: "full_walks_agree_with_launches",
-        needs: &[Need::Counts],
-        run: full_walks_agree_with_launches,
-    },
+    Case { name: "full_walks_agree_with_launches", needs: &[Need::Counts], run: full_walks_agree_with_launches },
     Case {
         name: "reduced_walks_count_as_the_tree_does",
         needs: &[

@@ -13,11 +13,7 @@ use rt_verify::{brute, shapes};
 pub(crate) const CASES: &[Case] = &[
     Case { name: "equals_brute_force", needs: &[], run: equals_brute_force },
     Case { name: "any_hit_equals_brute_force", needs: &[], run: any_hit_equals_brute_force },
-    Case {
-        name: "fast_is_nearly_right",
-        needs: &[Need::Precision(Precision::Fast)],
-        run: fast_is_nearly_right,
-    },
+    Case { name: "fast_is_nearly_right", needs: &[Need::Precision(Precision::Fast)], run: fast_is_nearly_right },
     Case { name: "reports_the_defined_bits", needs: &[Need::DefinedBits], run: reports_the_defined_bits },
     Case { name: "lowest_id_wins_ties", needs: &[], run: lowest_id_wins_ties },
     Case { name: "closed_sphere_does_not_leak", needs: &[], run: closed_sphere_does_not_leak },

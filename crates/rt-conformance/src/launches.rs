@@ -4,7 +4,10 @@ use crate::Case;
 use crate::fixtures;
 use crate::need::{Need, counted, had, has};
 use crate::session::{LIMIT, Session, ensure, refused, same_hits};
-use rt_core::{Device, Hit, Launch, Precision, Query, RaySource, ReducedWalk, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of};
+use rt_core::{
+    Device, Hit, Launch, Precision, Query, RaySource, ReducedWalk, Span, StreamSpec, Task, TestCounts, Ticket, Walk,
+    tasks_of,
+};
 use rt_verify::clock;
 use std::iter;
 use std::sync::mpsc;

@@ -1,8 +1,8 @@
 //! A tracer under test, its errors as messages, and checks that hold for every launch.
 
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer,
-    Walk, tasks_of,
+    Device, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket,
+    Tracer, Walk, tasks_of,
 };
 use rt_verify::clock;
 use std::sync::Arc;

@@ -87,13 +87,8 @@ pub enum Counted {
 
 impl Capabilities {
     /// Everything may be asked, counts and roundings are the device's own, and the host makes the rays.
-    pub const UNKNOWN: Self = Self {
-        reduced: 0b1111,
-        precisions: 0b111,
-        counts: Counted::OwnTree,
-        defined_bits: false,
-        makes_rays: false,
-    };
+    pub const UNKNOWN: Self =
+        Self { reduced: 0b1111, precisions: 0b111, counts: Counted::OwnTree, defined_bits: false, makes_rays: false };
 
     /// The same with these reduced walks and no others.
     #[must_use]

@@ -4,7 +4,7 @@ use crate::ray_recipe::Row;
 use crate::trials::first_fault;
 use crate::{RayRecipe, SceneImage};
 use glam::Vec3;
-use rt_bvh::kernel_io::{KernelRay, KernelIo};
+use rt_bvh::kernel_io::{KernelIo, KernelRay};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::bounce::{Aim, Departure, Scatter, Surface, Surfaces, basis};
 use rt_core::{BounceRays, Scene, random};

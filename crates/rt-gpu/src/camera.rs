@@ -3,7 +3,7 @@
 use crate::RayRecipe;
 use crate::ray_recipe::Row;
 use crate::trials::first_fault;
-use rt_bvh::kernel_io::{KernelCamera, KernelRay, KernelIo};
+use rt_bvh::kernel_io::{KernelCamera, KernelIo, KernelRay};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
 use std::sync::Arc;

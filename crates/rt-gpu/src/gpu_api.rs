@@ -1,6 +1,6 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
-use crate::{RayRecipe, RayList};
+use crate::{RayList, RayRecipe};
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::{DeviceError, TestCounts};
 use rt_shaders::Purpose;

@@ -23,39 +23,39 @@
 #![forbid(unsafe_code)]
 
 pub mod arithmetic;
-mod gpu_api;
 pub mod bounce;
 pub mod camera;
 mod card;
 mod faults;
+mod gpu_api;
 mod image;
-mod ray_generation;
-mod ray_recipe;
 mod pending;
 mod profile;
+mod ray_counters;
+mod ray_generation;
+mod ray_list;
+mod ray_recipe;
 mod rays;
 mod scene;
-mod ray_counters;
 mod tracer;
 mod trials;
 mod tuning;
-mod ray_list;
 
-pub use gpu_api::{Answer, GpuApi, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;
 pub use faults::Faults;
+pub use gpu_api::{Answer, Flight, GpuApi};
 pub use image::{Frame, SceneImage};
-pub use ray_recipe::RayRecipe;
 pub use profile::Profile;
+pub use ray_counters::RayCounters;
+pub use ray_list::RayList;
+pub use ray_recipe::RayRecipe;
 pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
-pub use ray_counters::RayCounters;
 pub use tracer::GpuTracer;
 pub use trials::Trials;
 pub use tuning::Tuning;
-pub use ray_list::RayList;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

@@ -1,6 +1,6 @@
 //! What backends keep of an opened card, and how they make a tracer of a scene.
 
-use crate::{GpuApi, Card, GpuScene, GpuTracer, IN_FLIGHT, Layouts, RayCounters, Tuning};
+use crate::{Card, GpuApi, GpuScene, GpuTracer, IN_FLIGHT, Layouts, RayCounters, Tuning};
 use rt_core::{Capabilities, Clock, Counted, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Scene, Tracer};
 use std::sync::Arc;
 

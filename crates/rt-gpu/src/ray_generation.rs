@@ -46,7 +46,9 @@ impl RayGeneration {
         match (&self.block, source) {
             _ if rows.is_empty() => None,
             (Block::Camera(block), RaySource::Camera(rays)) => Some(RayRecipe::camera(block, rays, &rows, first)),
-            (Block::Bounce(block), RaySource::Bounce(rays)) => Some(RayRecipe::bounce(block, rays, &rows, first, places())),
+            (Block::Bounce(block), RaySource::Bounce(rays)) => {
+                Some(RayRecipe::bounce(block, rays, &rows, first, places()))
+            }
             _ => None,
         }
     }

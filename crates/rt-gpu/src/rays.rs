@@ -2,7 +2,7 @@
 
 use crate::GpuApi;
 use rayon::prelude::*;
-use rt_bvh::kernel_io::{KernelRay, KernelIo};
+use rt_bvh::kernel_io::{KernelIo, KernelRay};
 use rt_core::{DeviceError, DeviceErrorKind, RaySource};
 use rt_fenv::Environment;
 

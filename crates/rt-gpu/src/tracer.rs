@@ -1,7 +1,7 @@
 //! One scene on one graphics card, as the driver sees it.
 
-use crate::ray_generation::RayGeneration;
 use crate::pending::{Answers, Finished, How, Part, Pending, finish};
+use crate::ray_generation::RayGeneration;
 use crate::ray_list::Sorter;
 use crate::{GpuApi, GpuScene, IN_FLIGHT, RayCounters, rays};
 use rt_bvh::kernel_io::KernelIo;
@@ -78,7 +78,8 @@ impl<A: GpuApi> GpuTracer<A> {
         for (window, list) in rays.finish(self.api.persistent_lanes()) {
             let Self { api, scene, source, generation, places, .. } = self;
             let places = || &places.get_or_init(|| scene.places())[..];
-            let recipe = generation.as_ref().and_then(|generation| generation.recipe(source, &list, window * size, places));
+            let recipe =
+                generation.as_ref().and_then(|generation| generation.recipe(source, &list, window * size, places));
             let flight = api.start(how.purpose(), window, &list, recipe.as_ref())?;
             if let (Some(generation), Some(recipe)) = (generation, &recipe) {
                 generation.note(&list);

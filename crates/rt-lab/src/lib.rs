@@ -19,8 +19,8 @@ pub mod bench;
 pub mod contenders;
 pub mod figure1;
 mod lab;
-mod time_budget;
 mod subject;
+mod time_budget;
 pub mod tradeoff;
 
 pub use lab::{Lab, Show};

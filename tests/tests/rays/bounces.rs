@@ -60,7 +60,8 @@ pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
             let found = launch(&mut *tracer, &tasks_of(count, 611), None)?;
             let sent = tracer.traffic().uploaded;
             println!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count));
-            if device.card().software && (device.counters().made() != u64::from(count) || sent > 17 * u64::from(count)) {
+            if device.card().software && (device.counters().made() != u64::from(count) || sent > 17 * u64::from(count))
+            {
                 return Err(format!("{} of {count} rays made, {sent} bytes sent", device.counters().made()).into());
             }
             let (hits, counts) = tree::trace(&car()?.0, spec, &explicit);

@@ -12,19 +12,22 @@
 //! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
 pub mod kernel_io;
+mod lanes;
 mod packet;
+mod packets;
 mod reduced;
 mod slabs;
+mod stack;
 mod triangle;
 mod visitor;
 mod walk;
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
-pub use packet::walk_packets_avx2;
-pub use packet::{PacketWalk, walk_packets};
+pub use packets::walk_packets_avx2;
+pub use packets::{PacketWalk, walk_packets};
 pub use reduced::ReducedTree;
-pub use walk::Stack;
+pub use stack::Stack;
 
 use crate::wide::WideTree;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};

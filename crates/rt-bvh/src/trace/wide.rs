@@ -29,8 +29,9 @@
 //! A device that fuses the multiplication and the addition rounds once less: the bounds hold.
 
 use super::slabs::{Frame, LocalRay};
+use super::stack::{NodeGroup, Stack};
 use super::triangle::REACH;
-use super::walk::{Stack, Visitor, is_whole, walk_nodes};
+use super::walk::{Visitor, is_whole, walk_nodes};
 use crate::collapse::WIDTH;
 use crate::wide::{WideNode, WideTree};
 use core::ops::ControlFlow;
@@ -39,14 +40,6 @@ use rt_core::{Hit, Ray, Scene, TestCounts};
 
 /// Bits of a word of hits that stand for nodes; the others stand for triangles.
 const NODES: u32 = 0xff00_0000;
-
-/// Nodes to be visited: the first node of their parent; and in one word, in the order of visits from the uppermost bit
-/// down, which of its slots, and below those, which of its slots are nodes.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Group {
-    first: u32,
-    bits: u32,
-}
 
 /// What the box test knows of a ray.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +74,7 @@ where
         if (REACH[0]..=REACH[1]).contains(&ray.reach) {
             let slabs = WideSlabs::new(&frame, &ray);
             // The visitor leaves the loop early when it knows the answer.
-            let _ = walk(tree.nodes(), &mut stack.groups, &slabs, &mut visitor);
+            let _ = walk(tree.nodes(), &mut stack.node_groups, &slabs, &mut visitor);
         } else {
             walk_nodes(scene.nodes(), is_whole(scene.nodes()), stack, &mut visitor);
         }
@@ -94,13 +87,13 @@ where
 #[inline(always)]
 fn walk<'a, V: Visitor<'a>>(
     nodes: &[WideNode],
-    stack: &mut [Group],
+    stack: &mut [NodeGroup],
     slabs: &WideSlabs,
     visitor: &mut V,
 ) -> ControlFlow<()> {
     let mut used = 0;
     // The root, as the only child of nobody.
-    let mut group = Group { first: 0, bits: 1 << (24 + slabs.flip) };
+    let mut group = NodeGroup { first: 0, bits: 1 << (24 + slabs.flip) };
     loop {
         let bit = group.bits.ilog2();
         group.bits &= !(1 << bit);
@@ -120,7 +113,7 @@ fn walk<'a, V: Visitor<'a>>(
             triangles &= !(((1 << count) - 1) << first);
             visitor.leaf(entry, node.first_triangle() + first, count)?;
         }
-        group = Group { first: node.first_node(), bits: hits & NODES | node.inner() };
+        group = NodeGroup { first: node.first_node(), bits: hits & NODES | node.inner() };
         if group.bits & NODES == 0 {
             if used == 0 {
                 return ControlFlow::Continue(());

@@ -5,8 +5,8 @@ mod write;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::catalogue::Estimator;

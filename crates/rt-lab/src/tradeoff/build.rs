@@ -3,8 +3,8 @@
 use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
-use crate::time_budget::TimeBudget;
 use crate::subject::{Subject, trace};
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use rt_balance::stats::Summary;
 use rt_balance::{Balancer, QueueKind, Scheduling, Stream};

@@ -9,8 +9,8 @@ mod streams;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;

@@ -1,7 +1,7 @@
 //! Longest processing time first.
 
 use super::loads::{FEW, Loads, SortedLoads, WinnerTree};
-use super::{Policy, most_expensive_first, mean_model, seconds, total};
+use super::{Policy, mean_model, most_expensive_first, seconds, total};
 use crate::Schedule;
 use alloc::collections::BTreeMap;
 use alloc::vec;

@@ -4,7 +4,7 @@ use super::atomics::{AtomicU32, Ordering};
 use super::ledger::Ledger;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
-use crate::policy::{most_expensive_first, mean_model, seconds};
+use crate::policy::{mean_model, most_expensive_first, seconds};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use rt_core::{CostModel, TaskId, Work};

@@ -2,8 +2,8 @@
 
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
-use crate::uninformed;
 use crate::policy::{Policy, mean_model};
+use crate::uninformed;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt::Debug;

@@ -1,6 +1,6 @@
 //! What a kernel needs to make camera rays itself.
 
-use super::{GREATEST_EXPONENT, LEAST_EXPONENT, KernelIo, REACH, exponent_of};
+use super::{GREATEST_EXPONENT, KernelIo, LEAST_EXPONENT, REACH, exponent_of};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rt_core::{CameraRays, Ray};

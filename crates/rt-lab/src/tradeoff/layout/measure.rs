@@ -2,8 +2,8 @@
 
 use super::{Card, LAYOUTS};
 use crate::Lab;
-use crate::time_budget::TimeBudget;
 use crate::subject::in_kernel;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use anyhow::{Context, Result};

@@ -243,7 +243,13 @@ impl Bench<'_> {
     }
 
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &TimeBudget<'_>) -> Result<[Timed; 3]> {
+    fn time(
+        &self,
+        device: &dyn Device,
+        scene: &Arc<Scene>,
+        kind: &Kind,
+        stretch: &TimeBudget<'_>,
+    ) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
         let mut timed = [(); 3].map(|()| Timed::default());

@@ -2,8 +2,8 @@
 
 use super::estimators::{KINDS, Kind};
 use crate::contenders::{self, Contender, MACHINES};
-use crate::time_budget::TimeBudget;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
 use rt_balance::replay::{Observed, Queue, Replay};

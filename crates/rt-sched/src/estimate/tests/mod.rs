@@ -14,7 +14,16 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, coherence: Coherence::Unknown, tasks, seed, wave: 0, source: None, devices: 2, uninformed_excess: 1.0 }
+    RayStream {
+        kind,
+        coherence: Coherence::Unknown,
+        tasks,
+        seed,
+        wave: 0,
+        source: None,
+        devices: 2,
+        uninformed_excess: 1.0,
+    }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
