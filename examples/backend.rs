@@ -24,7 +24,8 @@ impl BruteForce {
     /// Opens it.
     #[must_use]
     pub fn open() -> Self {
-        // Counts are its own, since there is no tree, and so there are no reduced walks either. Hits are the defined ones.
+        // Counts are its own, since there is no tree, and so there are no reduced walks either. Hits are the defined
+        // ones.
         let capabilities = Capabilities::UNKNOWN.with_reduced_walks(&[]).with_defined_bits();
         let info = DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT);
         Self(info.with_capabilities(capabilities))

@@ -256,8 +256,8 @@ impl FakeTracer {
         (hit, counts)
     }
 
-    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
-    /// opposite the first vertex is hit.
+    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its
+    /// edge opposite the first vertex is hit.
     fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
         let shear = Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY);
         self.nearest(ray, origin, |triangle, primitive| {

@@ -1,7 +1,7 @@
 //! What ARCHITECTURE.md says of the crates: its diagram, its table and its three prohibitions, as cargo sees them.
 //!
-//! The diagram is the one list of levels: a line that begins with `L3` names the crates of level 3. Dependencies of tests
-//! may lead anywhere.
+//! The diagram is the one list of levels: a line that begins with `L3` names the crates of level 3. Dependencies of
+//! tests may lead anywhere.
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -77,8 +77,8 @@ fn page() -> String {
     fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md")
 }
 
-/// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own level
-/// or above, or is forgotten in the diagram.
+/// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own
+/// level or above, or is forgotten in the diagram.
 #[test]
 fn the_diagram_is_true() {
     let packages = workspace();
@@ -118,7 +118,8 @@ fn the_prohibitions_hold() {
     }
 }
 
-/// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through another.
+/// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through
+/// another.
 #[test]
 fn the_vulkan_backend_links_no_wgpu() {
     let linked = |package: &str| {

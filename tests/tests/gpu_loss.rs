@@ -1,8 +1,8 @@
 //! What graphics cards do when they fail: each failure is truly provoked, is told by its kind, and costs no result. And
 //! that it is the card that traces: a poisoned kernel changes the hits, and every ray is traced once.
 //!
-//! A backend takes part with one function that opens its devices with a [`FaultInjection`]. `RT_REQUIRE=vulkan` makes a missing
-//! one a failure.
+//! A backend takes part with one function that opens its devices with a [`FaultInjection`]. `RT_REQUIRE=vulkan` makes a
+//! missing one a failure.
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::{GpuDevice, OpenError, Options, VulkanDevice};
@@ -30,8 +30,8 @@ use std::time::Duration;
 /// The longest that a launch of an honest device may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// The longest that a launch may take where one is to hang: far below the second that [`Purpose::Slow`] takes, far above
-/// the milliseconds of a processor.
+/// The longest that a launch may take where one is to hang: far below the second that [`Purpose::Slow`] takes, far
+/// above the milliseconds of a processor.
 const SHORT_LIMIT: Duration = Duration::from_millis(300);
 
 /// Runs after which a device has certainly got a launch: on a busy machine the others may be done before.
@@ -479,8 +479,8 @@ fn float_controls() -> Result<Completion, Failed> {
     Ok(Completion::Completed)
 }
 
-/// Every kernel with every float control, whether a device here has it or not. Fails when modes are put before the entry
-/// point, or the extension is left out.
+/// Every kernel with every float control, whether a device here has it or not. Fails when modes are put before the
+/// entry point, or the extension is left out.
 fn spirv_val() -> Result<Completion, Failed> {
     use Purpose::{Any, AnyCounted, Arithmetic, Closest, ClosestCounted, LeafAsHit, Unshortened};
     let all = FloatControls { signed_zero_inf_nan: true, denormals: true, round_to_nearest: true };

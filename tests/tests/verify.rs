@@ -1,4 +1,5 @@
-//! The suite that users run passes where promises are kept and fails where they are broken, each time in the right case.
+//! The suite that users run passes where promises are kept and fails where they are broken, each time in the right
+//! case.
 
 use backend_cpu::CpuDevice;
 use rt_core::{Device, Precision};

@@ -15,7 +15,8 @@ use rt_shaders::Purpose;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How long dropping it waits for launches in flight. What is not done then is freed later, see [`Abandoned`](crate::gpu::Abandoned).
+/// How long dropping it waits for launches in flight. What is not done then is freed later, see
+/// [`Abandoned`](crate::gpu::Abandoned).
 const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes of a ray.

@@ -10,8 +10,9 @@ pub struct Options {
     /// Whether the validation layer checks every call, synchronisation included. What it objects to becomes an error of
     /// kind [`rt_core::DeviceErrorKind::Lost`] of the next launch that is waited for.
     pub validation: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
-    /// one alone does all, and [`rt_core::Tracer::note`] says so, unless tests are to be counted over the wide one.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the
+    /// two-wide one alone does all, and [`rt_core::Tracer::note`] says so, unless tests are to be counted over the wide
+    /// one.
     pub layouts: Option<Layouts>,
     /// Most bytes of the device's own memory that scenes and streams may take together; `None`: all that there is.
     /// Whatever does not fit is refused with [`rt_core::DeviceErrorKind::OutOfMemory`], as on a card that is too small.
@@ -50,9 +51,9 @@ impl Replacement {
     /// What runs in place of each kernel.
     ///
     /// # Safety
-    /// For every kernel of `rt_shaders`, `words` must return valid SPIR-V that Vulkan 1.2 takes without features or extensions
-    /// beyond those of [`Kernel::spirv_with`] for the device; with the kernel's entry point, workgroup and buffers; that
-    /// accesses nothing that the kernel would not access; and that ends.
+    /// For every kernel of `rt_shaders`, `words` must return valid SPIR-V that Vulkan 1.2 takes without features or
+    /// extensions beyond those of [`Kernel::spirv_with`] for the device; with the kernel's entry point, workgroup and
+    /// buffers; that accesses nothing that the kernel would not access; and that ends.
     #[must_use]
     pub const unsafe fn new(words: fn(&'static Kernel) -> Vec<u32>) -> Self {
         Self(words)

@@ -21,17 +21,17 @@ pub struct WgpuDevice {
 }
 
 impl WgpuDevice {
-    /// Opens every device, in the order in which wgpu lists them; in place of one that cannot be used stands the reason.
-    /// Several devices may have the same name.
+    /// Opens every device, in the order in which wgpu lists them; in place of one that cannot be used stands the
+    /// reason. Several devices may have the same name.
     ///
     /// # Errors
     /// When there is no device at all.
     pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
         let instance = Instance::new(InstanceDescriptor {
             backends: Backends::VULKAN,
-            // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile. But objects get no
-            // names unless asked for: while other instances come and go, Vulkan's loader (1.3.239) crashes now and then in
-            // naming one.
+            // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile. But objects
+            // get no names unless asked for: while other instances come and go, Vulkan's loader (1.3.239) crashes now
+            // and then in naming one.
             flags: (InstanceFlags::default() - InstanceFlags::DEBUG).with_env(),
             ..InstanceDescriptor::new_without_display_handle()
         });

@@ -78,8 +78,8 @@ impl Opened {
         }
     }
 
-    /// Makes calls of wgpu, which are to `task`. What it objects to becomes an error, of kind `otherwise` unless memory is
-    /// wanting.
+    /// Makes calls of wgpu, which are to `task`. What it objects to becomes an error, of kind `otherwise` unless memory
+    /// is wanting.
     pub(crate) fn scoped<T>(
         &self,
         task: &str,

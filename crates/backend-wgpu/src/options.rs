@@ -10,8 +10,9 @@ pub struct Options {
     /// Whether kernels run without wgpu's checks of every access and its bounds on loops. They need none; wgpu does not
     /// know that.
     pub trusted: bool,
-    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the two-wide
-    /// one alone does all, and [`rt_core::Tracer::note`] says so, unless tests are to be counted over the wide one.
+    /// The layouts of scenes' trees; `None`: [`Layouts::USUAL`]. Where a scene with both trees does not fit, the
+    /// two-wide one alone does all, and [`rt_core::Tracer::note`] says so, unless tests are to be counted over the wide
+    /// one.
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
     #[cfg(feature = "test-support")]

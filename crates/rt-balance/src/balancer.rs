@@ -23,15 +23,15 @@ use std::time::Duration;
 /// It learns while it works: the seconds each device needs per ray, box test and triangle test are fitted from its
 /// launches, so later streams are scheduled by better models.
 ///
-/// A device that fails is dropped and its tasks go to the others: whether it says so, panics, does not answer within the
-/// [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long as the
-/// balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
+/// A device that fails is dropped and its tasks go to the others: whether it says so, panics, does not answer within
+/// the [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long
+/// as the balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
 ///
-/// The calling thread's floating-point environment (rounding, subnormal numbers) changes no bit of a hit; the caller's own
-/// code that is called meanwhile finds the default one.
+/// The calling thread's floating-point environment (rounding, subnormal numbers) changes no bit of a hit; the caller's
+/// own code that is called meanwhile finds the default one.
 ///
-/// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own, on
-/// other devices or the same, or waits behind the caller's own lock.
+/// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own,
+/// on other devices or the same, or waits behind the caller's own lock.
 #[derive(Debug)]
 pub struct Balancer {
     scene: Arc<Scene>,
@@ -43,14 +43,14 @@ impl Balancer {
     /// Brings `scene` to every device. One that cannot take it is left out of every stream, and reports say why.
     ///
     /// # Errors
-    /// When there is no device, none of them can take the scene (then the first one's error), or the system cannot start a
-    /// thread for each.
+    /// When there is no device, none of them can take the scene (then the first one's error), or the system cannot
+    /// start a thread for each.
     pub fn new(scene: Arc<Scene>, devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
         Self::open(scene, devices, &Limits::default(), Control::default())
     }
 
-    /// [`Balancer::new`] for devices that may take so long, and for a caller who may cancel. A device that is not ready in
-    /// time joins later.
+    /// [`Balancer::new`] for devices that may take so long, and for a caller who may cancel. A device that is not ready
+    /// in time joins later.
     ///
     /// # Errors
     /// As for [`Balancer::new`], and when the caller cancels.
@@ -129,8 +129,8 @@ impl Balancer {
     /// caller cancelled, or every device failed. Hits of finished tasks are in the output even then.
     ///
     /// # Panics
-    /// Where the caller's own code does: estimator, policy, queue or progress callback. The devices come to rest first, and
-    /// are as good as before.
+    /// Where the caller's own code does: estimator, policy, queue or progress callback. The devices come to rest first,
+    /// and are as good as before.
     pub fn trace(
         &mut self,
         stream: &Stream,
@@ -153,7 +153,8 @@ impl Balancer {
         let traced = catch_unwind(AssertUnwindSafe(|| {
             loop {
                 match self.trace_into(stream, scheduling, &mut output, control) {
-                    // All that began have failed, but some were late. Each time round at least one device fewer is alive.
+                    // All that began have failed, but some were late. Each time round at least one device fewer is
+                    // alive.
                     Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(DeviceState::may_come) => {}
                     traced => return traced,
                 }
@@ -218,8 +219,8 @@ impl Balancer {
         Ok(())
     }
 
-    /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that refuses
-    /// them is left out of the stream.
+    /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that
+    /// refuses them is left out of the stream.
     pub(crate) fn load(
         &mut self,
         stream: &Stream,

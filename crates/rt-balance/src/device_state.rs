@@ -310,8 +310,8 @@ pub(crate) const fn cancelled() -> BalanceError {
     BalanceError::Cancelled { unfinished: 0 }
 }
 
-/// Waits for the ends of the devices' threads, which free the scene there: for those that are at rest as long as that takes,
-/// within reason, and hardly for the others.
+/// Waits for the ends of the devices' threads, which free the scene there: for those that are at rest as long as that
+/// takes, within reason, and hardly for the others.
 pub(crate) fn dismiss(members: &mut [DeviceState]) {
     let begin = Instant::now();
     let mut parting = Vec::new();

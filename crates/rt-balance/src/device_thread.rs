@@ -1,8 +1,8 @@
 //! The thread of a device: it alone holds the device's tracer, so nothing that a backend does, or never ends doing, can
 //! hold up whoever asked.
 //!
-//! A thread cannot be killed. So it owns all that it uses, answers through a channel, and is left behind, with the tracer,
-//! when it does not answer: see [`Limits`](crate::Limits).
+//! A thread cannot be killed. So it owns all that it uses, answers through a channel, and is left behind, with the
+//! tracer, when it does not answer: see [`Limits`](crate::Limits).
 
 use crate::answers::{Asked, Audit, Checked};
 use crate::clock;
@@ -24,8 +24,8 @@ use std::time::{Duration, Instant};
 pub(crate) enum Call {
     /// [`Tracer::prepare`], after all launches have ended.
     Prepare { source: RaySource, spec: StreamSpec, walk: Option<Walk> },
-    /// [`Tracer::load_rays`], after all launches have ended. From now on launches may take `limit`, and of each `audit` is
-    /// checked.
+    /// [`Tracer::load_rays`], after all launches have ended. From now on launches may take `limit`, and of each `audit`
+    /// is checked.
     Load { source: RaySource, spec: StreamSpec, limit: Duration, audit: Audit },
     /// [`Tracer::walk`] of a range of a list of rays.
     Walk { rays: Arc<Vec<u32>>, range: Range<usize>, walk: Walk },
@@ -76,7 +76,8 @@ pub(crate) struct Status {
     pub(crate) lost: bool,
 }
 
-/// Where an answer goes. Dropped without one, it tells that there is none to come: so whoever waits never waits for nobody.
+/// Where an answer goes. Dropped without one, it tells that there is none to come: so whoever waits never waits for
+/// nobody.
 #[derive(Debug)]
 struct Reply {
     member: usize,
@@ -133,7 +134,8 @@ impl Parting {
 }
 
 impl DeviceThread {
-    /// Starts a thread that brings the scene to the device. Two answers come: what the device is, and whether it took it.
+    /// Starts a thread that brings the scene to the device. Two answers come: what the device is, and whether it took
+    /// it.
     ///
     /// # Errors
     /// When the system cannot start a thread.

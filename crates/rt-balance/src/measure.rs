@@ -11,8 +11,8 @@ use rt_core::{TaskId, TestCounts, Work};
 use rt_sched::metrics;
 use std::time::Duration;
 
-/// When devices began to get ready for a stream, and when it began, was loaded, was planned and ended, on the clock of all
-/// devices.
+/// When devices began to get ready for a stream, and when it began, was loaded, was planned and ended, on the clock of
+/// all devices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Times {
     pub(crate) origin: Duration,

@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 pub(crate) struct Models {
     /// Launches. Prices fitted to one estimator's counts mean nothing for another's.
     launches: BTreeMap<Key, Calibration>,
-    /// Walks of samples: more expensive per test than launches, since sparse rays share little, but alike on all devices, so
-    /// they tell relative speeds before the first launch.
+    /// Walks of samples: more expensive per test than launches, since sparse rays share little, but alike on all
+    /// devices, so they tell relative speeds before the first launch.
     walks: BTreeMap<Key, Calibration>,
 }
 
@@ -98,8 +98,8 @@ impl Models {
 /// unbalance a static schedule by half of it. Real differences below this are left to the queue.
 const ALIKE: f64 = 1.15;
 
-/// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else one for all.
-/// Models from different sources must not meet in one schedule, since walks are more expensive than launches.
+/// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else one for
+/// all. Models from different sources must not meet in one schedule, since walks are more expensive than launches.
 pub(crate) fn models_for(
     members: &[DeviceState],
     workers: &[usize],
@@ -114,8 +114,8 @@ pub(crate) fn models_for(
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); workers.len()])
 }
 
-/// By what devices of which nothing is known are assumed to lose more than equal ones: a processor's core beside graphics
-/// cards, where the mean speed is some eight times the slowest ([`uninformed::unequal`]).
+/// By what devices of which nothing is known are assumed to lose more than equal ones: a processor's core beside
+/// graphics cards, where the mean speed is some eight times the slowest ([`uninformed::unequal`]).
 const UNKNOWN: f64 = 16.0;
 
 /// What a stream is expected to lose without an estimate, as a share of its makespan.
@@ -125,8 +125,8 @@ pub(crate) fn uninformed_excess(members: &[DeviceState], queue: &dyn QueueMaker,
     queue.uninformed_excess(tasks, workers.len(), speeds.map_or(UNKNOWN, |speeds| uninformed::unequal(&speeds)))
 }
 
-/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where differences
-/// are no more than chance.
+/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where
+/// differences are no more than chance.
 fn speeds(members: &[DeviceState], workers: &[usize]) -> Option<Vec<f64>> {
     // Rays of some depth. Which prices differ matters little.
     let work = [Work::new(1.0, 50.0, 10.0)];

@@ -92,8 +92,8 @@ impl Balancer {
     }
 }
 
-/// Has each device that is ready and `chosen` trace every task by itself, `passes` times, and hands each launch to `sink`.
-/// Returns the number of launches that came to nothing, since devices failed.
+/// Has each device that is ready and `chosen` trace every task by itself, `passes` times, and hands each launch to
+/// `sink`. Returns the number of launches that came to nothing, since devices failed.
 fn one_by_one(
     members: &mut [DeviceState],
     stream: &Stream,

@@ -44,8 +44,8 @@ pub struct EstimateReport {
     pub chosen: String,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
-    /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can gain. 1
-    /// before the devices are known to be equally fast.
+    /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can
+    /// gain. 1 before the devices are known to be equally fast.
     pub uninformed_excess: f64,
     /// Wall seconds of estimating and planning.
     pub seconds: f64,

@@ -1,11 +1,11 @@
 //! Runs a plan: two launches in flight on every device, every task finished exactly once.
 //!
-//! One thread decides, the caller's: it hears devices' threads through one channel, copies results, asks the queue what comes
-//! next, and looks at the clock. So a queue, a callback or a slow device meets no other thread in here, nothing is
-//! locked, and a device that does not answer costs the others nothing.
+//! One thread decides, the caller's: it hears devices' threads through one channel, copies results, asks the queue what
+//! comes next, and looks at the clock. So a queue, a callback or a slow device meets no other thread in here, nothing
+//! is locked, and a device that does not answer costs the others nothing.
 //!
-//! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late, answers
-//! for nothing. Tasks of a device that is not believed any more are open again, all of them.
+//! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late,
+//! answers for nothing. Tasks of a device that is not believed any more are open again, all of them.
 
 use crate::device_state::{DeviceState, all_lost};
 use crate::device_thread::{Answer, Call, Done};
@@ -32,7 +32,8 @@ pub(crate) struct Ran {
 /// Traces every task of the plan.
 ///
 /// # Errors
-/// When the caller cancels, every device failed, or the queue breaks its promises. Finished tasks are in `output` even then.
+/// When the caller cancels, every device failed, or the queue breaks its promises. Finished tasks are in `output` even
+/// then.
 pub(crate) fn run(
     members: &mut [DeviceState],
     stream: &Stream,
@@ -138,8 +139,8 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn all(mut self, members: &mut [DeviceState], output: &mut Output<'_>) -> Result<Ran, BalanceError> {
-        // Every device takes its first launch before any takes its second: queues hand out the most expensive tasks first,
-        // and two of them on one device could be the makespan.
+        // Every device takes its first launch before any takes its second: queues hand out the most expensive tasks
+        // first, and two of them on one device could be the makespan.
         for worker in 0..self.workers.len() {
             self.feed(worker, 1, members)?;
         }
@@ -213,8 +214,8 @@ impl Run<'_> {
                 return Ok(self.next_again());
             }
             self.check_popped(&tasks)?;
-            // The most expensive first is for choosing them: in a launch neighbours belong together, for caches, and since
-            // ranges of rays that follow each other are one.
+            // The most expensive first is for choosing them: in a launch neighbours belong together, for caches, and
+            // since ranges of rays that follow each other are one.
             tasks.sort_unstable();
             tasks.dedup();
             let (open, finished): (Vec<TaskId>, Vec<TaskId>) =
@@ -254,7 +255,8 @@ impl Run<'_> {
         (!tasks.is_empty()).then_some((tasks, false))
     }
 
-    /// Nobody does anything, and some tasks are open: all that are goes round again, unless that is the queue's mistake.
+    /// Nobody does anything, and some tasks are open: all that are goes round again, unless that is the queue's
+    /// mistake.
     fn revive(&mut self, members: &[DeviceState]) -> Result<(), BalanceError> {
         let open = (0..).zip(&self.by).filter(|(_, by)| by.is_none()).map(|(task, _)| task);
         let open: Vec<TaskId> = open.collect();

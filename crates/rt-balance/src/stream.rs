@@ -45,8 +45,8 @@ impl Stream {
         self
     }
 
-    /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose `uninformed_excess`
-    /// without an estimate.
+    /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose
+    /// `uninformed_excess` without an estimate.
     #[must_use]
     pub fn view(&self, devices: usize, uninformed_excess: f64) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
@@ -151,9 +151,9 @@ pub struct Control<'a> {
     /// Set to `true` (from any thread) to stop at once. Devices end what they are at behind the caller's back; the next
     /// stream waits for them.
     pub cancel: Option<&'a AtomicBool>,
-    /// Called with (rays done, rays of the stream), after every launch at most, by the thread that traces, which does nothing
-    /// else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A panic in it
-    /// stops the stream and is passed on when the devices are at rest; they are as good as before.
+    /// Called with (rays done, rays of the stream), after every launch at most, by the thread that traces, which does
+    /// nothing else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A
+    /// panic in it stops the stream and is passed on when the devices are at rest; they are as good as before.
     pub progress: Option<&'a dyn Fn(u64, u64)>,
 }
 

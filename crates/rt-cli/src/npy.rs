@@ -1,8 +1,9 @@
 //! Rays, hits and counts as NumPy arrays (`.npy`).
 //!
 //! The arrays are the in-memory layouts of [`Ray`], [`Hit`] and [`TestCounts`], row by row in C order, little-endian,
-//! moved as bits: no value passes through a float conversion on its way. Rays may also be `float64`, for origins with more
-//! digits than single precision holds: the scene's offset is subtracted before they are rounded. They may be in Fortran order, as `np.save(rays.T)` writes them.
+//! moved as bits: no value passes through a float conversion on its way. Rays may also be `float64`, for origins with
+//! more digits than single precision holds: the scene's offset is subtracted before they are rounded. They may be in
+//! Fortran order, as `np.save(rays.T)` writes them.
 //!
 //! | array  | type      | shape    | columns |
 //! |--------|-----------|----------|---------|
@@ -51,8 +52,8 @@ impl RayFile<BufReader<File>> {
     /// Opens a file of rays: an `N × 8` array of little-endian float32 or float64, in C or Fortran order.
     ///
     /// # Errors
-    /// When the file cannot be read or is not such an array. The message names the file, what it holds and how to save what
-    /// is wanted.
+    /// When the file cannot be read or is not such an array. The message names the file, what it holds and how to save
+    /// what is wanted.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).with_context(|| format!("cannot open `{}`", path.display()))?;
         Self::new(BufReader::new(file), path.display().to_string())

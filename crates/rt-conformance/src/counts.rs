@@ -38,7 +38,8 @@ fn counts_are_the_trees_own(device: &dyn Device) -> Result<(), String> {
             if query == Query::Closest {
                 same_hits(&format!("{}, not counted", fixture.name), &plain.hits, &hits)?;
             } else {
-                // Where nothing is counted another layout may be traced, which may meet another of the candidates first.
+                // Where nothing is counted another layout may be traced, which may meet another of the candidates
+                // first.
                 candidates(fixture, &plain.hits, &hits)?;
             }
         }

@@ -3,7 +3,8 @@
 use rt_core::{Capabilities, Counted, Device, Precision, Query, ReducedWalk, StreamSpec, Walk};
 use std::fmt;
 
-/// What a case needs a device to say of itself, in its [`Capabilities`]. Where the device says less, the case is not tried.
+/// What a case needs a device to say of itself, in its [`Capabilities`]. Where the device says less, the case is not
+/// tried.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Need {

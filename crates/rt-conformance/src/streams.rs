@@ -66,8 +66,8 @@ fn only_asked_tasks_come_back(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-/// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a kernel
-/// that only gets ready writes where results go, or the loaded rays are lost.
+/// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a
+/// kernel that only gets ready writes where results go, or the loaded rays are lost.
 fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let whole = Session::whole(device, &fixture.scene, &fixture.rays, counted(device))?;

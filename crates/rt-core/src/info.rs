@@ -80,8 +80,8 @@ pub enum Counted {
     Nothing,
     /// Tests of a tree of its own: they tell what its tasks cost, and cannot be compared with another device's.
     OwnTree,
-    /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts) says: the
-    /// same numbers on every such device.
+    /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts)
+    /// says: the same numbers on every such device.
     SceneTree,
 }
 
@@ -161,8 +161,8 @@ impl Capabilities {
         self.defined_bits
     }
 
-    /// Whether it makes the rays of cameras and bounces itself, where its arithmetic gives the host's bits; otherwise the host
-    /// makes them.
+    /// Whether it makes the rays of cameras and bounces itself, where its arithmetic gives the host's bits; otherwise
+    /// the host makes them.
     #[must_use]
     pub const fn makes_rays(&self) -> bool {
         self.makes_rays

@@ -28,9 +28,9 @@ pub struct Trial {
     left_out: f64,
 }
 
-/// What a device must pass: rays about normals and to a sun, soft and straight above, from triangles of all sizes, among
-/// them needles and such as lie in a plane of two axes, at the origin and far from it, with one path in each group and with
-/// several.
+/// What a device must pass: rays about normals and to a sun, soft and straight above, from triangles of all sizes,
+/// among them needles and such as lie in a plane of two axes, at the origin and far from it, with one path in each
+/// group and with several.
 #[must_use]
 pub fn trials() -> Vec<Trial> {
     let oblique = Vec3::new(0.48, 0.6, 0.64);
@@ -47,8 +47,8 @@ pub fn trials() -> Vec<Trial> {
     .collect()
 }
 
-/// Trials beyond those that a device must pass: of other triangles, scales, offsets and rays for each seed. What extremes the
-/// host keeps to itself are left out.
+/// Trials beyond those that a device must pass: of other triangles, scales, offsets and rays for each seed. What
+/// extremes the host keeps to itself are left out.
 #[must_use]
 pub fn random_trials(seed: u32, count: u32) -> Vec<Trial> {
     let trial = |i: u32| {
@@ -91,8 +91,8 @@ fn vertex([seed, triangle, corner]: [u32; 3], scale: f32, offset: f32) -> Vec3 {
     (Vec3::new(at(0), at(1), at(2)) + Vec3::splat(offset)) * scale
 }
 
-/// In words, the first ray of the trials that a device makes otherwise than the host; `None` if there is none. `make` lets the
-/// device make rays that leave the triangles of a scene.
+/// In words, the first ray of the trials that a device makes otherwise than the host; `None` if there is none. `make`
+/// lets the device make rays that leave the triangles of a scene.
 ///
 /// # Errors
 /// Those of `make`.

@@ -24,8 +24,8 @@ pub struct Answer<'a> {
 
 /// One scene on one graphics card, and a stream's rays beside it.
 ///
-/// Rays that exceed what a kernel can bind lie in windows: the first `window()` rays in window 0, and so on. A kernel reads
-/// one window, and a launch is one kernel for each window that it has rays in.
+/// Rays that exceed what a kernel can bind lie in windows: the first `window()` rays in window 0, and so on. A kernel
+/// reads one window, and a launch is one kernel for each window that it has rays in.
 ///
 /// Kernels run in the order in which they were started. At most [`crate::IN_FLIGHT`] + 1 are in flight for each window:
 /// launches and a walk. Dropping it with kernels in flight waits for them a while, or leaves behind what they use.
@@ -44,15 +44,15 @@ pub trait GpuApi: Send + Debug {
         None
     }
 
-    /// Whether the kernel for `purpose` makes rays, the very bits that the host makes: see [`crate::Trials`]. It is compiled to
-    /// find out. Nothing is in flight.
+    /// Whether the kernel for `purpose` makes rays, the very bits that the host makes: see [`crate::Trials`]. It is
+    /// compiled to find out. Nothing is in flight.
     fn makes(&mut self, purpose: Purpose) -> bool {
         let _ = purpose;
         false
     }
 
-    /// Compiles the kernel for `purpose`, which traces, and runs it over [`RayList::nothing`], since some drivers compile when a
-    /// kernel first runs, so that its first launch does not wait for it. Nothing is in flight.
+    /// Compiles the kernel for `purpose`, which traces, and runs it over [`RayList::nothing`], since some drivers
+    /// compile when a kernel first runs, so that its first launch does not wait for it. Nothing is in flight.
     ///
     /// # Errors
     /// Those of [`GpuApi::start`].
@@ -74,8 +74,8 @@ pub trait GpuApi: Send + Debug {
     /// When the device is lost.
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError>;
 
-    /// Starts the kernel for `purpose` over rays of a window, after the one that makes those of `recipe`: a purpose of which
-    /// [`GpuApi::makes`] says that it does.
+    /// Starts the kernel for `purpose` over rays of a window, after the one that makes those of `recipe`: a purpose of
+    /// which [`GpuApi::makes`] says that it does.
     ///
     /// # Errors
     /// When the kernel does not compile, its buffers do not fit, or the device is lost.

@@ -55,8 +55,8 @@ impl<'a> SceneImage<'a> {
         Self { wide: bytemuck::cast_slice(tree.nodes()), ..Self::new(tree.scene()) }
     }
 
-    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in errors, and its
-    /// bytes; none if there is none.
+    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in
+    /// errors, and its bytes; none if there is none.
     #[must_use]
     pub fn wide(&self) -> (String, &[u8]) {
         let two = size_of_val(self.scene.nodes());

@@ -1,10 +1,10 @@
 //! The host's side of the GPU backends: everything that does not depend on the API by which a card is reached.
 //!
 //! A backend implements [`GpuApi`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
-//! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
-//! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
-//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and [`bounce`] find out
-//! whether a card computes as the host relies on.
+//! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of
+//! the hits that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`]
+//! chooses between layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and
+//! [`bounce`] find out whether a card computes as the host relies on.
 //!
 //! # What crosses the bus
 //!

@@ -38,8 +38,8 @@ impl Profile {
         Self { card, info, layouts, tuning: Tuning::default(), counters: Arc::default() }
     }
 
-    /// A tracer of `scene`, which `api` brings to the card. Where it does not fit with both trees, and only hits were to be
-    /// found over the wide one, the two-wide tree alone is tried, and the tracer notes it.
+    /// A tracer of `scene`, which `api` brings to the card. Where it does not fit with both trees, and only hits were
+    /// to be found over the wide one, the two-wide tree alone is tried, and the tracer notes it.
     ///
     /// # Errors
     /// Those of `api`.

@@ -33,8 +33,8 @@ impl RayGeneration {
         Some(Self { block, made: RayMask::new(source.len()) })
     }
 
-    /// What the device is to make before it traces `work`, whose window begins with ray number `first`; `None` if nothing.
-    /// `places` are those of the scene's triangles on the device.
+    /// What the device is to make before it traces `work`, whose window begins with ray number `first`; `None` if
+    /// nothing. `places` are those of the scene's triangles on the device.
     pub(crate) fn recipe<'a>(
         &self,
         source: &RaySource,

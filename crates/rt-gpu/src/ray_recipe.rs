@@ -6,12 +6,12 @@ use rt_core::bounce::Departure;
 use rt_core::{BounceRays, CameraRays};
 use rt_shaders::Purpose;
 
-/// Least mean length of ranges. A range is two words, so from here on they are a quarter of a list, and kernels search one
-/// range for as many items.
+/// Least mean length of ranges. A range is two words, so from here on they are a quarter of a list, and kernels search
+/// one range for as many items.
 const RANGE: usize = 8;
 
-/// Appends a table of a number for each of `items` items: the number of ranges and, for each, its first item and that item's
-/// number; or 0 and a number for each item. `ranges` are those, in the order of their items.
+/// Appends a table of a number for each of `items` items: the number of ranges and, for each, its first item and that
+/// item's number; or 0 and a number for each item. `ranges` are those, in the order of their items.
 pub(crate) fn append_table(words: &mut Vec<u32>, ranges: &[[u32; 2]], items: u32) {
     if ranges.len() * RANGE <= items as usize {
         words.push(ranges.len() as u32);
@@ -78,8 +78,8 @@ impl RayRecipe {
         Self { purpose: Purpose::Camera, words: headed(words, &block), count }
     }
 
-    /// Rays that leave surfaces, which come at their number less `first` in the window. `places` says for each slot of the
-    /// scene where its triangle is on the device; nothing where that is its own place.
+    /// Rays that leave surfaces, which come at their number less `first` in the window. `places` says for each slot of
+    /// the scene where its triangle is on the device; nothing where that is its own place.
     pub(crate) fn bounce(block: &KernelBounce, rays: &BounceRays, rows: &[Row], first: u32, places: &[u32]) -> Self {
         let (count, mut words) = begun(rows, first);
         let departures = |row: &Row| &rays.departures[row.ray as usize..][..row.count as usize];
@@ -170,8 +170,9 @@ mod tests {
         assert_eq!(table(&[], 0), [7, 0]);
     }
 
-    /// Every ray is made of its own pixel and sample, or departure and path, and at its place. Fails when a row's number
-    /// does not count the samples of its first pixel that come before, or places are counted from the stream's start.
+    /// Every ray is made of its own pixel and sample, or departure and path, and at its place. Fails when a row's
+    /// number does not count the samples of its first pixel that come before, or places are counted from the stream's
+    /// start.
     #[test]
     fn orders_name_each_ray_once() {
         let positions = [glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y];

@@ -12,17 +12,18 @@ use std::sync::Arc;
 pub struct Layouts {
     /// Where only hits are wanted.
     pub trace: Layout,
-    /// Where tests are counted. Other than [`Layout::Two`] only for comparing layouts: estimates of several devices can be
-    /// added up only where all count on one layout.
+    /// Where tests are counted. Other than [`Layout::Two`] only for comparing layouts: estimates of several devices can
+    /// be added up only where all count on one layout.
     pub count: Layout,
 }
 
 impl Layouts {
     /// What is used unless something else is asked for: hits over the wide layout, counts over the two-wide one.
     ///
-    /// On processors posing as graphics cards the wide layout was measured to be the faster one (docs/results/layouts.md). On
-    /// graphics cards it was not measured: there the choice rests on Ylitie, Karras and Laine (2017), who report 1.9 to 2.1
-    /// times the speed of earlier kernels for incoherent rays, and on its nodes taking a third of the memory.
+    /// On processors posing as graphics cards the wide layout was measured to be the faster one
+    /// (docs/results/layouts.md). On graphics cards it was not measured: there the choice rests on Ylitie, Karras and
+    /// Laine (2017), who report 1.9 to 2.1 times the speed of earlier kernels for incoherent rays, and on its nodes
+    /// taking a third of the memory.
     pub const USUAL: Self = Self { trace: Layout::Wide, count: Layout::Two };
 
     /// The layout of kernels for a purpose.
@@ -72,8 +73,8 @@ impl From<Arc<Scene>> for GpuScene {
 }
 
 impl GpuScene {
-    /// Makes the wide tree where a layout asks for it. One that is too deep for the kernels is left out, and the two-wide one
-    /// does all.
+    /// Makes the wide tree where a layout asks for it. One that is too deep for the kernels is left out, and the
+    /// two-wide one does all.
     #[must_use]
     pub fn new(given: Arc<Scene>, layouts: Layouts) -> Self {
         let wanted = layouts.trace == Layout::Wide || layouts.count == Layout::Wide;

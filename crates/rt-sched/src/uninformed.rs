@@ -1,15 +1,15 @@
 //! What a schedule loses when nothing is known of its tasks' costs: what an estimate can gain at most.
 //!
-//! Shares of the makespan beyond the best one, for equal devices and tasks whose costs vary as much as those of pictures
-//! do: a coefficient of variation of about 1, alike for neighbours. Constants are fitted to [`crate::simulate`], within a
-//! factor of 3 from 2 devices and 16 tasks to 64 devices and 65,536 tasks, at least 8 tasks for each device (see the tests).
-//! Nothing exact can be said before anything was measured.
+//! Shares of the makespan beyond the best one, for equal devices and tasks whose costs vary as much as those of
+//! pictures do: a coefficient of variation of about 1, alike for neighbours. Constants are fitted to
+//! [`crate::simulate`], within a factor of 3 from 2 devices and 16 tasks to 64 devices and 65,536 tasks, at least 8
+//! tasks for each device (see the tests). Nothing exact can be said before anything was measured.
 
 /// Tasks dealt once, in turn, to static queues.
 ///
 /// Sums of n/m random costs on m devices: the latest device is late by some √(2 ln m) standard deviations (H. Cramér,
-/// *Mathematical Methods of Statistics*, 1946, 28.6). Dealing in turn spreads every part of the picture over all devices,
-/// which takes two thirds of that away.
+/// *Mathematical Methods of Statistics*, 1946, 28.6). Dealing in turn spreads every part of the picture over all
+/// devices, which takes two thirds of that away.
 #[must_use]
 pub fn fixed_excess(tasks: usize, devices: usize) -> f64 {
     let (n, m) = (tasks as f64, devices as f64);
@@ -28,8 +28,9 @@ pub fn hybrid_excess(tasks: usize, devices: usize) -> f64 {
     central_excess(tasks, devices) + 0.05 * fixed_excess(tasks, devices)
 }
 
-/// By what a central or a hybrid queue loses more where devices are not equally fast and their speeds not known: the last task
-/// may be on the slowest, and so may the one before it, since two launches are in flight. `speeds` are in any unit; at least 1.
+/// By what a central or a hybrid queue loses more where devices are not equally fast and their speeds not known: the
+/// last task may be on the slowest, and so may the one before it, since two launches are in flight. `speeds` are in any
+/// unit; at least 1.
 #[must_use]
 pub fn unequal(speeds: &[f64]) -> f64 {
     let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
@@ -128,7 +129,8 @@ mod tests {
 
     /// A queue that began with a third of each list would lose 10 to 60% here.
     ///
-    /// Mutants: `unequal` without the 2, or with the fastest in place of the mean; in the queue, `spread` that returns its list.
+    /// Mutants: `unequal` without the 2, or with the fastest in place of the mean; in the queue, `spread` that returns
+    /// its list.
     #[test]
     fn unequal_devices_lose_about_as_much_as_simulated() {
         for (tasks, speeds) in [

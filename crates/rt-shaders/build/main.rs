@@ -112,8 +112,8 @@ fn joined(parts: &[&str]) -> std::io::Result<[String; 2]> {
     Ok([join(decorated)?, join(hidden)?])
 }
 
-/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of the
-/// second to `target`, and the row to the table.
+/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of
+/// the second to `target`, and the row to the table.
 fn add(
     table: &mut String,
     target: &Path,
@@ -162,7 +162,8 @@ fn compile(source: &str) -> Result<(naga::Module, Vec<u32>), Box<dyn Error>> {
         // Fixed: the default differs between debug and release builds.
         flags: spv::WriterFlags::empty(),
         fake_missing_bindings: true,
-        // `rt_core::Scene` is checked once, so that kernels may trust every index; stacks are as deep as the scene asks.
+        // `rt_core::Scene` is checked once, so that kernels may trust every index; stacks are as deep as the scene
+        // asks.
         bounds_check_policies: naga::proc::BoundsCheckPolicies::default(),
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         // The loop ends: every step visits another node of a finite tree.

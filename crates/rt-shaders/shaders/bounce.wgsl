@@ -1,6 +1,6 @@
-// Rays that leave surfaces, made where they are traced: the bits of `rt_core::BounceRays::ray`, prepared as `rt_bvh::kernel_io`
-// does. Function for function those of rt_core's module `bounce`, which says why no number here is denormal that matters;
-// triangles for which one could be are left to the host.
+// Rays that leave surfaces, made where they are traced: the bits of `rt_core::BounceRays::ray`, prepared as
+// `rt_bvh::kernel_io` does. Function for function those of rt_core's module `bounce`, which says why no number here is
+// denormal that matters; triangles for which one could be are left to the host.
 
 // rt_bvh::kernel_io::KernelBounce; a test compares the offsets.
 struct Bounce {
@@ -25,8 +25,8 @@ struct Bounce {
     exponents: vec2<u32>,
     // Always 0, which compilers do not know.
     zero: u32,
-    // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND in the
-    // first, and the triangle.
+    // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND
+    // in the first, and the triangle.
     departures: u32,
     // Number of the group of `samples` paths that the wave's first one belongs to.
     first_group: u32,

@@ -1,4 +1,5 @@
-// Camera rays, made where they are traced: the bits of `rt_core::CameraRays::ray`, prepared as `rt_bvh::kernel_io` does.
+// Camera rays, made where they are traced: the bits of `rt_core::CameraRays::ray`, prepared as `rt_bvh::kernel_io`
+// does.
 //
 // A ray with a component of 0 is left to the host.
 

@@ -5,8 +5,8 @@ struct RayList {
     // The first item that no lane has taken: at the start, the number of lanes.
     next: atomic<u32>,
     // Lanes that work. As many as items, or fewer: then they are persistent threads (T. Aila and S. Laine,
-    // "Understanding the Efficiency of Ray Traversal on GPUs", HPG 2009), which take items until none is left. Lanes that
-    // run in step take consecutive items.
+    // "Understanding the Efficiency of Ray Traversal on GPUs", HPG 2009), which take items until none is left. Lanes
+    // that run in step take consecutive items.
     lanes: u32,
     count: u32,
     // Number of ranges; 0 for a list.

@@ -1,7 +1,8 @@
-// Which rays a kernel makes, behind its block of parameters: two tables of a number for each item, rt_gpu's `RayRecipe`.
+// Which rays a kernel makes, behind its block of parameters: two tables of a number for each item, rt_gpu's
+// `RayRecipe`.
 
-// The number of item `item` in the table that begins at word `table`, written as `Work` names rays: the number of ranges
-// and, for each, its first item and that item's number; or 0 and a number for each item.
+// The number of item `item` in the table that begins at word `table`, written as `Work` names rays: the number of
+// ranges and, for each, its first item and that item's number; or 0 and a number for each item.
 fn named(table: u32, item: u32) -> u32 {
     let ranges = recipe.words[table];
     let rows = table + 1u;

@@ -25,8 +25,8 @@ include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 /// Result of a ray that hits nothing.
 pub const MISS: u32 = u32::MAX;
 
-/// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in doubt
-/// what it hits.
+/// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in
+/// doubt what it hits.
 pub const DOUBTFUL: u32 = u32::MAX - 1;
 
 /// Which tree a kernel walks.
@@ -118,9 +118,9 @@ pub struct Kernel {
     /// The buffers it reads and writes.
     pub bindings: &'static [Binding],
     code: &'static [u8],
-    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
-    /// the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero`, `Bounce::zero` or the first pair of
-    /// [`Purpose::Arithmetic`].
+    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result
+    /// from the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero`, `Bounce::zero` or the
+    /// first pair of [`Purpose::Arithmetic`].
     pub wgsl: &'static str,
 }
 
@@ -151,8 +151,8 @@ pub struct Binding {
     pub written: bool,
 }
 
-/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for depths
-/// above `rt_core::MAX_DEPTH`.
+/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for
+/// depths above `rt_core::MAX_DEPTH`.
 #[must_use]
 pub fn kernel(layout: Layout, purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
     let fits = |kernel: &&Kernel| kernel.layout == layout && kernel.purpose == purpose && kernel.stack >= depth;

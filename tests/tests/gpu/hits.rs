@@ -18,7 +18,8 @@ use std::sync::Arc;
 /// Rays of each kind of query on each scene.
 const RAYS: u32 = 6_000;
 
-/// Rays that must not leak, for all devices of a backend together. `raybalance verify --full --case watertight` tries 10⁸.
+/// Rays that must not leak, for all devices of a backend together. `raybalance verify --full --case watertight` tries
+/// 10⁸.
 const LEAK_RAYS: u32 = 1_000_000;
 
 /// Of those, rays loaded at once: what every device binds.
@@ -107,8 +108,8 @@ pub(crate) fn compare_rays(device: &dyn Device, scene: &Arc<Scene>, rays: &[(Ray
     Ok(())
 }
 
-/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. The rays are shared
-/// out among the `devices` of a backend.
+/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. The rays are
+/// shared out among the `devices` of a backend.
 pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result<(), Failed> {
     let each = LEAK_RAYS.div_ceil(devices as u32).div_ceil(3);
     // Every device has rays of its own.

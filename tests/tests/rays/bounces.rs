@@ -42,9 +42,9 @@ fn bounced() -> Result<Vec<Twins>, Failed> {
     Ok(streams)
 }
 
-/// Hits and counts are those of the same rays made by the host, in one window and in many, and no more bytes are sent than
-/// the rays' departures have. Fails when parts of a window are made at its start, or triangles named by their place in the
-/// two-wide tree.
+/// Hits and counts are those of the same rays made by the host, in one window and in many, and no more bytes are sent
+/// than the rays' departures have. Fails when parts of a window are made at its start, or triangles named by their
+/// place in the two-wide tree.
 pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
     for window in [None, Some(700)] {
         for (made, explicit, spec) in bounced()? {

@@ -1,5 +1,5 @@
-//! Rays on graphics devices: made there from the camera and from hits, in several buffers, by persistent threads; always the hits and
-//! counts of the processor.
+//! Rays on graphics devices: made there from the camera and from hits, in several buffers, by persistent threads;
+//! always the hits and counts of the processor.
 //!
 //! The first device of each backend is tried, Vulkan's with the validation layer where it is installed. Without one the
 //! tests are ignored with the reason, unless `RT_REQUIRE` names the backend.

@@ -54,7 +54,8 @@ impl FaultyCall {
 /// How a call fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Failure {
-    /// It reports an error of this kind, and so does every later call, unless it is one that leaves the device as it was.
+    /// It reports an error of this kind, and so does every later call, unless it is one that leaves the device as it
+    /// was.
     Error(DeviceErrorKind),
     /// It panics.
     Panic,

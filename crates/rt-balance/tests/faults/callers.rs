@@ -151,8 +151,8 @@ fn is_well(what: &str, balancer: &mut Balancer) {
     assert!(run.report.devices.iter().all(|device| device.error.is_none() && device.tasks > 0), "{what}");
 }
 
-/// Work that is no number cannot be made: [`Work::new`] takes it for none, and infinity for the most there is. So there is
-/// nothing to refuse, and what such work stands for is traced.
+/// Work that is no number cannot be made: [`Work::new`] takes it for none, and infinity for the most there is. So there
+/// is nothing to refuse, and what such work stands for is traced.
 #[test]
 fn work_that_is_no_number_is_traced() {
     let estimator = Box::new(Wrong { asks: vec![5, 5, 6], more_tasks: 0 });
@@ -160,7 +160,8 @@ fn work_that_is_no_number_is_traced() {
     trace_well("work that is no number", &mut balancer(&cpus(2)), &mut scheduling);
 }
 
-/// A device that refuses a stream is left out of it, and has its part in the next; where all refuse, the caller is told.
+/// A device that refuses a stream is left out of it, and has its part in the next; where all refuse, the caller is
+/// told.
 ///
 /// Mutants: a device is dropped that refuses rays; its refusal of a walk ends the stream.
 #[test]

@@ -1,7 +1,7 @@
 //! What a kernel on a device without double precision needs from the host: prepared rays, and finished hits.
 //!
-//! Such a kernel tests the same boxes as [`crate::trace()`], bit for bit, since divisions and scalings are made here, on
-//! the host. It decides which triangle is hit; t, u and v are recomputed here from ray and triangle.
+//! Such a kernel tests the same boxes as [`crate::trace()`], bit for bit, since divisions and scalings are made here,
+//! on the host. It decides which triangle is hit; t, u and v are recomputed here from ray and triangle.
 
 mod bounce;
 mod camera;
@@ -69,8 +69,9 @@ pub struct KernelIo<'a> {
 }
 
 /// Smallest and largest distance across the scene, in local units, for which single-precision products in a kernel's
-/// error bounds neither vanish nor overflow: the bounds of the filter on processors, but that kernels may flush denormal
-/// numbers to zero: 3 · 2⁻¹²⁶ in an edge function, far below the filter's margin of 5·u²·m² for m from 2⁻³⁶ on.
+/// error bounds neither vanish nor overflow: the bounds of the filter on processors, but that kernels may flush
+/// denormal numbers to zero: 3 · 2⁻¹²⁶ in an edge function, far below the filter's margin of 5·u²·m² for m from 2⁻³⁶
+/// on.
 const REACH: [f64; 2] = [1.0 / (1_u64 << 36) as f64, (1_u64 << 60) as f64];
 
 /// Smallest exponent of the factor from local to given distances. A kernel leaves distances below 2⁻²⁴ to the host, so
@@ -126,8 +127,8 @@ impl<'a> KernelIo<'a> {
         }
     }
 
-    /// The hit of `ray` with the triangle at `slot` of the leaf order: the bits that [`crate::trace()`] reports for that
-    /// pair. `None` where there is none, which a sound kernel never claims.
+    /// The hit of `ray` with the triangle at `slot` of the leaf order: the bits that [`crate::trace()`] reports for
+    /// that pair. `None` where there is none, which a sound kernel never claims.
     #[must_use]
     pub fn finish(&self, ray: &Ray, slot: u32) -> Option<Hit> {
         let triangle = self.scene.triangles().get(slot as usize).filter(|_| ray.is_valid())?;
@@ -141,7 +142,8 @@ const fn exponent_of(x: f64) -> i32 {
     (x.to_bits() >> 52) as i32 - 1023
 }
 
-/// `t · factor`, a power of two, if both are 0 or normal, or the latter beyond every distance; overflow gives the largest number.
+/// `t · factor`, a power of two, if both are 0 or normal, or the latter beyond every distance; overflow gives the
+/// largest number.
 fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
     let scaled = f64::from(t) * factor;
     let largest = f64::from(f32::MAX);
@@ -149,9 +151,9 @@ fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
         .then(|| scaled.clamp(-largest, largest) as f32)
 }
 
-/// `a / b` as the sum of two single-precision numbers: the quotient rounded, and the quotient of what it left over, rounded.
-/// Off by at most half a unit in the second one's last place, 2⁻⁴⁹ of the quotient, and so defined that devices without
-/// double precision can make the same bits.
+/// `a / b` as the sum of two single-precision numbers: the quotient rounded, and the quotient of what it left over,
+/// rounded. Off by at most half a unit in the second one's last place, 2⁻⁴⁹ of the quotient, and so defined that
+/// devices without double precision can make the same bits.
 ///
 /// Double precision has more than twice as many bits as single, and two more: so quotients that are rounded twice are
 /// rounded right (S. A. Figueroa, *When is Double Rounding Innocuous?*, 1995). The rest is exact, and its own bits fit

@@ -19,7 +19,8 @@ pub enum PacketWalk<'a> {
 }
 
 /// Walks rays in packets of consecutive ones and hands hits and counts to `sink`, in order: those of single rays, bit
-/// for bit. Portable code; on x86-64 it uses the SSE2 that every such processor has, and [`walk_packets_avx2`] is faster.
+/// for bit. Portable code; on x86-64 it uses the SSE2 that every such processor has, and [`walk_packets_avx2`] is
+/// faster.
 pub fn walk_packets<R, S>(scene: &Scene, stack: &mut Stack, walk: PacketWalk<'_>, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,

@@ -13,8 +13,8 @@ pub(crate) struct CardArgs {
     /// Tree that graphics cards find hits over; tests are counted over the two-wide one
     #[arg(long, value_enum, default_value_t = LayoutArg::Auto)]
     pub(crate) layout: LayoutArg,
-    /// Lanes of each launch on graphics cards, which take ray after ray until none is left (persistent threads): best as many
-    /// as the card runs at once [default: a lane for each ray]
+    /// Lanes of each launch on graphics cards, which take ray after ray until none is left (persistent threads): best
+    /// as many as the card runs at once [default: a lane for each ray]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
     pub(crate) persistent: Option<u32>,
 }

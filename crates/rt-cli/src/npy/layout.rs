@@ -102,7 +102,8 @@ fn leaves(dtype: &DType) -> Option<u64> {
     }
 }
 
-/// An expression for an array of this shape with one ray in each row; `None` where nothing says which numbers are a ray.
+/// An expression for an array of this shape with one ray in each row; `None` where nothing says which numbers are a
+/// ray.
 fn shaped(numbers: &str, shape: &[u64]) -> Option<String> {
     // In C order, as NumPy reshapes: the last dimensions that hold eight numbers together are a ray.
     let ends_in_rays = || {
@@ -141,8 +142,8 @@ mod tests {
         format!("{:#}", Layout::of(&NpyHeader::from_reader(&file[..]).unwrap()).unwrap_err())
     }
 
-    /// NumPy carries out each of these and gets the rays, none scrambled. Mutants: `reshape` for 8 × N, which scrambles them;
-    /// a type that loses digits; types that are no numbers converted nevertheless.
+    /// NumPy carries out each of these and gets the rays, none scrambled. Mutants: `reshape` for 8 × N, which scrambles
+    /// them; a type that loses digits; types that are no numbers converted nevertheless.
     #[test]
     fn advice_is_right_for_the_array_at_hand() {
         let f4 = "'<f4'";

@@ -19,8 +19,8 @@ use rt_core::{CostModel, TaskId, Work};
 /// cost models.
 ///
 /// Seconds are counted in whole units: sums are exact whatever their order, and scaling all costs by a power of two
-/// changes nothing. A unit is about 2⁻⁵⁰ of the total, or 2⁻³¹ of the most expensive task where all devices are equal. Costs
-/// that differ by less than 2⁻¹⁹ of the most expensive may count as ties in the order of the tasks.
+/// changes nothing. A unit is about 2⁻⁵⁰ of the total, or 2⁻³¹ of the most expensive task where all devices are equal.
+/// Costs that differ by less than 2⁻¹⁹ of the most expensive may count as ties in the order of the tasks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lpt;
 

@@ -5,8 +5,9 @@ use alloc::vec::Vec;
 
 /// A task's cost and number in one word, such that smaller words are more expensive tasks, ties the lower number.
 ///
-/// The cost is in 32-bit fixed point. An error of 2⁻³² of the most expensive task is far below what any estimate knows, and fixed point spreads tasks evenly over the sort's buckets where floating point would
-/// crowd them into a few exponents.
+/// The cost is in 32-bit fixed point. An error of 2⁻³² of the most expensive task is far below what any estimate knows,
+/// and fixed point spreads tasks evenly over the sort's buckets where floating point would crowd them into a few
+/// exponents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Ranked(u64);
 
@@ -42,7 +43,8 @@ const BUCKETS: usize = 1 << DIGIT;
 /// Below this many tasks, clearing histograms costs more than a comparison sort.
 const SMALL: usize = 512;
 
-/// Ranks tasks `0..costs.len()`. Costs must be ≥ 0; those that differ by less than 2⁻¹⁹ of the most expensive may count as ties.
+/// Ranks tasks `0..costs.len()`. Costs must be ≥ 0; those that differ by less than 2⁻¹⁹ of the most expensive may count
+/// as ties.
 ///
 /// A radix sort from the least significant digit, in which a digit that all tasks share is skipped: uniform work is
 /// never moved.

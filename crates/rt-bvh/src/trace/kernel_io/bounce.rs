@@ -9,8 +9,8 @@ use rt_core::bounce::{Aim, GREATEST_EXPONENT, LEAST_EXPONENT};
 
 /// How rays leave surfaces, as the kernel of `bounce.wgsl` reads it. 96 bytes.
 ///
-/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of
-/// them.
+/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be
+/// sure of them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct KernelBounce {
@@ -56,8 +56,8 @@ const REACH_EXPONENT: i32 = 1;
 /// Greatest radius of a disc that a kernel aims at, as a tangent: all but light from everywhere.
 const GREATEST_RADIUS: f32 = 1024.0;
 
-/// Least component of a disc's vectors that is not 0: products with points of the disc, at least 2⁻⁴⁹, and all that sums of
-/// them leave over, are then multiples of 2⁻¹¹².
+/// Least component of a disc's vectors that is not 0: products with points of the disc, at least 2⁻⁴⁹, and all that
+/// sums of them leave over, are then multiples of 2⁻¹¹².
 const LEAST_COMPONENT: f32 = 1.0 / (1_u64 << 40) as f32;
 
 impl KernelIo<'_> {

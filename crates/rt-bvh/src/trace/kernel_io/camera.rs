@@ -7,7 +7,8 @@ use rt_core::{CameraRays, Ray};
 
 /// A camera as the kernel of `camera.wgsl` reads it. 96 bytes.
 ///
-/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be sure of them.
+/// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be
+/// sure of them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct KernelCamera {

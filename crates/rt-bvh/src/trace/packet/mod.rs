@@ -1,8 +1,8 @@
 //! Packets: sixteen rays that walk the two-wide tree together.
 //!
 //! I. Wald, P. Slusallek, C. Benthin and M. Wagner, *Interactive Rendering with Coherent Ray Tracing* (2001): a node is
-//! fetched once for all rays, and its boxes are tested with all rays at once, a ray in each SIMD lane. Where few rays of
-//! a packet are left they go on alone, as in C. Benthin and others, *Combining Single and Packet-Ray Tracing for
+//! fetched once for all rays, and its boxes are tested with all rays at once, a ray in each SIMD lane. Where few rays
+//! of a packet are left they go on alone, as in C. Benthin and others, *Combining Single and Packet-Ray Tracing for
 //! Arbitrary Ray Distributions on the Intel MIC Architecture* (2012), so that incoherent rays lose next to nothing.
 //!
 //! # Why hits and counts are those of single rays

@@ -139,8 +139,8 @@ mod tests {
     use super::*;
     use rt_core::{Coherence, StreamKind, tasks_of};
 
-    /// Mutants: no early return, which would give the part's tasks the estimates of the stream's first ones; one always, which
-    /// would take the part's estimates for the first tasks'.
+    /// Mutants: no early return, which would give the part's tasks the estimates of the stream's first ones; one
+    /// always, which would take the part's estimates for the first tasks'.
     #[test]
     fn an_estimate_of_a_part_is_its_tasks_and_one_of_all_stays() {
         let tasks = tasks_of(256 * 1_024, 1_024);

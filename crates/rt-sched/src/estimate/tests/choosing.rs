@@ -36,13 +36,14 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
 
-/// Devices, what a walked ray costs beside a traced one, and by how much the adaptive makespan may exceed that of the best of
-/// four fixed fractions, which is known only afterwards. Over 128 seeds it does so by 0.2, 0.7, 0.4 and 1.5 ± 0.3%: in the last
-/// case the first sample, one ray in 256, would have been enough, and a second that seems worth its price is not.
+/// Devices, what a walked ray costs beside a traced one, and by how much the adaptive makespan may exceed that of the
+/// best of four fixed fractions, which is known only afterwards. Over 128 seeds it does so by 0.2, 0.7, 0.4 and 1.5 ±
+/// 0.3%: in the last case the first sample, one ray in 256, would have been enough, and a second that seems worth its
+/// price is not.
 const WORTH: [(u32, f64, f64); 4] = [(4, 1.1, 1.01), (4, 3.0, 1.01), (16, 1.1, 1.01), (16, 6.0, 1.02)];
 
-/// On the simulator, sampling as long as it pays comes as near to the best fixed fraction as [`WORTH`] says, whatever a walk
-/// costs, and no fixed fraction does so for every price.
+/// On the simulator, sampling as long as it pays comes as near to the best fixed fraction as [`WORTH`] says, whatever a
+/// walk costs, and no fixed fraction does so for every price.
 ///
 /// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
 #[test]
@@ -126,8 +127,8 @@ fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u3
     });
 }
 
-/// Mutants: a past that is never believed; one that is never put to the test; a price that is not learned; trials in every
-/// stream.
+/// Mutants: a past that is never believed; one that is never put to the test; a price that is not learned; trials in
+/// every stream.
 #[test]
 fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     let tasks = tasks_of(64 * 256, 256);
@@ -153,8 +154,9 @@ fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     assert_eq!(auto.name(), "auto");
 }
 
-/// Device seconds of estimates beyond what tracing their rays would have taken, as a share of the trace of `streams` streams;
-/// and the share of rays walked in each. A traced ray takes a second, a walked one `price`, the host `host` for each.
+/// Device seconds of estimates beyond what tracing their rays would have taken, as a share of the trace of `streams`
+/// streams; and the share of rays walked in each. A traced ray takes a second, a walked one `price`, the host `host`
+/// for each.
 fn spent(
     auto: &mut Auto,
     stream: &dyn Fn(u32) -> RayStream<'static>,
@@ -191,8 +193,8 @@ fn spent(
     (cost / all, shares)
 }
 
-/// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing is known,
-/// and the least samples of streams without a past. Trials are of a quarter of the tasks.
+/// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing
+/// is known, and the least samples of streams without a past. Trials are of a quarter of the tasks.
 ///
 /// Mutants: a host that costs nothing; a past that has to wait for its trial; trials of all tasks.
 #[test]
@@ -284,8 +286,8 @@ fn auto_leaves_a_past_that_is_wrong() {
     }
 }
 
-/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in different
-/// places.
+/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in
+/// different places.
 ///
 /// Mutants: the worse of the two in `Auto::sampling_arm`; errors of the chosen arm only.
 #[test]

@@ -132,7 +132,8 @@ fn coverage(kind: StreamKind, fraction: f64, counts: &dyn Fn(u32) -> TestCounts)
 
 /// Tasks are alike here: neighbours say almost all, of which the interval's few degrees of freedom know nothing.
 ///
-/// Mutants: no finite population correction (fails at one half), `n` instead of `n − 1`, successive differences without the 2.
+/// Mutants: no finite population correction (fails at one half), `n` instead of `n − 1`, successive differences without
+/// the 2.
 #[test]
 fn intervals_hold_what_they_say() {
     for fraction in [1.0 / 128.0, 1.0 / 32.0, 0.125, 0.5] {
@@ -143,8 +144,8 @@ fn intervals_hold_what_they_say() {
     }
 }
 
-/// What real scenes have: costs that rise across a task, and few expensive rays among many cheap ones, more in some tasks than in
-/// others.
+/// What real scenes have: costs that rise across a task, and few expensive rays among many cheap ones, more in some
+/// tasks than in others.
 ///
 /// Mutants: strided samples at equal steps; random samples without the floor, or with the narrow window, of their
 /// neighbourhood.
@@ -196,8 +197,8 @@ fn pooled_intervals_hold_what_they_say() {
 
 /// What neighbours know helps where tasks are alike or change slowly, and hurts little where none is like the next.
 ///
-/// Mutants: neighbours always believed; never believed; `t²` without the noise taken off (all but the first case hold then);
-/// standard errors without what neighbours took away.
+/// Mutants: neighbours always believed; never believed; `t²` without the noise taken off (all but the first case hold
+/// then); standard errors without what neighbours took away.
 #[test]
 fn incoherent_tasks_learn_from_their_neighbours() {
     let noisy = |ray: u32, level: f32| {
@@ -224,7 +225,8 @@ fn incoherent_tasks_learn_from_their_neighbours() {
             claimed += f64::from(work.std_error().expect("enough samples")) / truth;
         }
         assert!(shrunk < most * own, "{case}: {shrunk} of {own}");
-        // A mean error of 0.8 standard errors, were they normal; where each task is another, all of that counts as noise.
+        // A mean error of 0.8 standard errors, were they normal; where each task is another, all of that counts as
+        // noise.
         let least = if case < 2 { 0.4 } else { 0.1 };
         assert!((least..=1.0).contains(&(shrunk / claimed)), "{case}: {shrunk}, {claimed} claimed");
     }
