@@ -9,6 +9,7 @@ pub mod chart;
 pub mod html;
 pub mod image;
 mod machine;
+pub mod npy;
 pub mod output;
 pub mod print;
 pub mod report;

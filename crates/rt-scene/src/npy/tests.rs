@@ -1,6 +1,5 @@
 use super::*;
 use glam::Vec3;
-use npyz::Order;
 
 /// A file as `np.save` writes it: version 1.0, header padded to 64 bytes.
 fn npy(dict: &str, data: &[u8]) -> Vec<u8> {
@@ -24,12 +23,12 @@ fn some_rays(count: usize) -> Vec<Ray> {
     (0..count).map(|i| Ray::new(Vec3::splat(i as f32), Vec3::Z).with_range(0.5, f32::INFINITY)).collect()
 }
 
-fn parse_rays(file: &[u8], offset: DVec3) -> Result<Vec<Ray>> {
+fn parse_rays(file: &[u8], offset: DVec3) -> Result<Vec<Ray>, RayFileError> {
     RayFile::new(file, "rays.npy".to_owned())?.read(offset)
 }
 
 fn refusal(file: &[u8]) -> String {
-    let message = format!("{:#}", parse_rays(file, DVec3::ZERO).expect_err("must be refused"));
+    let message = parse_rays(file, DVec3::ZERO).expect_err("must be refused").to_string();
     assert!(message.contains("rays.npy"), "{message}");
     message
 }
@@ -107,7 +106,7 @@ fn a_file_that_ends_early_is_refused() {
     assert!(refusal(&npy(&dict("<f4", "False", "(4294967295, 8)"), &[0; 64])).contains("4294967295"));
 }
 
-// Fails when `is_sane` accepts everything: npyz does not come back from the first and overflows on the second.
+/// Fails when brackets may be nested however deep, or a shape's sides are multiplied without a look.
 #[test]
 fn hostile_headers_are_refused() {
     refusal(&npy(&format!("{}{}", "[".repeat(4_900), "]".repeat(4_900)), &[]));
@@ -139,27 +138,4 @@ fn garbage_is_refused_or_read_but_never_panics() {
         }
         let _ = parse_rays(&broken, DVec3::ZERO);
     }
-}
-
-#[test]
-fn hits_and_counts_are_written_as_bits() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("hits.npy");
-    // The bits of the ids are, as floats: a subnormal, a signalling NaN and a quiet one.
-    let ids = [5, 0x7f80_0001, u32::MAX];
-    let hits: Vec<Hit> = ids.iter().map(|&primitive| Hit { primitive, ..Hit::MISS }).collect();
-    write_hits(&path, &hits).unwrap();
-    let file = std::fs::read(&path).unwrap();
-    let header = NpyHeader::from_reader(&file[..]).unwrap();
-    assert_eq!((header.dtype().descr().as_str(), header.shape(), header.order()), ("'<f4'", &[3, 4][..], Order::C));
-    let data = &file[file.len() - 48..];
-    let id = |row: usize| u32::from_le_bytes(data[row * 16 + 12..][..4].try_into().unwrap());
-    assert_eq!([id(0), id(1), id(2)], ids);
-    assert_eq!(data[..4], f32::INFINITY.to_le_bytes());
-
-    write_counts(&path, &[TestCounts { boxes: 1, triangles: u32::MAX }]).unwrap();
-    let file = std::fs::read(&path).unwrap();
-    let header = NpyHeader::from_reader(&file[..]).unwrap();
-    assert_eq!((header.dtype().descr().as_str(), header.shape()), ("'<u4'", &[1, 2][..]));
-    assert_eq!(file[file.len() - 8..], [1, 0, 0, 0, 255, 255, 255, 255]);
 }

@@ -1,21 +1,20 @@
 //! Whether an array holds rays, and how one that does not can be made to.
 
-use super::RAY_COLUMNS;
-use anyhow::{Result, bail, ensure};
-use npyz::{DType, NpyHeader, Order, TypeChar, TypeStr};
+use super::header::{Header, Plain, Type};
+use super::{Fault, RAY_COLUMNS};
 
 /// An array of rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) rows: u64,
-    pub(super) type_of: Type,
+    pub(super) number: Number,
     /// Whether the file holds all first numbers, then all second ones and so on (Fortran order).
     pub(super) by_columns: bool,
 }
 
-/// How numbers are written.
+/// How numbers are written: little-endian, in single or double precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Type {
+pub(super) enum Number {
     Single,
     Double,
 }
@@ -23,51 +22,42 @@ pub(super) enum Type {
 impl Layout {
     /// # Errors
     /// When the array holds no rays; the message says what it holds and what to save instead.
-    pub(super) fn of(header: &NpyHeader) -> Result<Self> {
-        let (dtype, shape) = (header.dtype(), header.shape());
-        let type_of = match dtype.descr().as_str() {
-            "'<f4'" => Some(Type::Single),
-            "'<f8'" => Some(Type::Double),
+    pub(super) fn of(header: &Header) -> Result<Self, Fault> {
+        let Header { type_of, by_columns, shape, written } = header;
+        let number = match *type_of {
+            Type::Plain(Plain { is_little_endian: true, kind: b'f', size: 4 }) => Some(Number::Single),
+            Type::Plain(Plain { is_little_endian: true, kind: b'f', size: 8 }) => Some(Number::Double),
             _ => None,
         };
-        let by_columns = header.order() == Order::Fortran;
-        if let (Some(type_of), &[rows, RAY_COLUMNS]) = (type_of, shape) {
-            ensure!(rows <= u64::from(u32::MAX), "{rows} rays are more than {}: split the file", u32::MAX);
-            return Ok(Self { rows, type_of, by_columns });
+        match (number, &shape[..]) {
+            (Some(_), &[rows, RAY_COLUMNS]) if rows > u64::from(u32::MAX) => Err(Fault::TooMany(rows)),
+            (Some(number), &[rows, RAY_COLUMNS]) => Ok(Self { rows, number, by_columns: *by_columns }),
+            _ => Err(Fault::NoRays { found: written.clone(), shape: shape.clone(), advice: advice(type_of, shape) }),
         }
-        bail!(
-            "found {} of shape {shape:?}, wanted float32 or float64 ('<f4', '<f8') of shape [N, 8]: {}",
-            dtype.descr(),
-            advice(&dtype, shape)
-        )
     }
 }
 
 const ONE_ROW: &str = "one row is origin x y z, tmin, direction x y z, tmax";
 
 /// What to do with an array of numbers of this type and shape.
-fn advice(dtype: &DType, shape: &[u64]) -> String {
-    let (numbers, shape) = match dtype {
-        DType::Plain(plain) => match converted(plain) {
-            // The objects of a list may be rows.
-            Ok(_) if plain.type_char() == TypeChar::Object && shape.len() == 1 => {
-                (converted(plain), &[0, RAY_COLUMNS][..])
-            }
-            numbers => (numbers, shape),
-        },
+fn advice(type_of: &Type, shape: &[u64]) -> String {
+    let (numbers, shape) = match type_of {
+        // The objects of a list may be rows.
+        Type::Plain(plain) if plain.kind == b'O' && shape.len() == 1 => (converted(*plain), &[0, RAY_COLUMNS][..]),
+        Type::Plain(plain) => (converted(*plain), shape),
         // Their fields become the last dimension.
-        DType::Record(_) if leaves(dtype) == Some(RAY_COLUMNS) => {
+        Type::Record(Some(RAY_COLUMNS)) => {
             let unstructured = "numpy.lib.recfunctions.structured_to_unstructured(rays, '<f8')";
             let rows: &[u64] = if shape.len() == 1 { &[0, RAY_COLUMNS] } else { &[0, 0, RAY_COLUMNS] };
-            (Ok(unstructured.to_owned()), rows)
+            (Ok(unstructured), rows)
         }
-        DType::Record(_) | DType::Array(..) => (Err("its rows are not 8 numbers"), shape),
+        Type::Record(_) => (Err("its rows are not 8 numbers"), shape),
     };
     let numbers = match numbers {
         Ok(numbers) => numbers,
         Err(reason) => return format!("{reason}; {ONE_ROW}"),
     };
-    match shaped(&numbers, shape) {
+    match shaped(numbers, shape) {
         Some(rays) if shape.last() == Some(&RAY_COLUMNS) && shape.len() == 2 => format!("save `{rays}`"),
         Some(rays) => format!("save `{rays}`; {ONE_ROW}"),
         None => ONE_ROW.to_owned(),
@@ -75,30 +65,15 @@ fn advice(dtype: &DType, shape: &[u64]) -> String {
 }
 
 /// An expression for `rays` with numbers of a type that can be read, or why there is none.
-fn converted(plain: &TypeStr) -> Result<String, &'static str> {
-    Ok(match (plain.type_char(), plain.size_field()) {
-        (TypeChar::Float, 4 | 8) if plain.to_string().starts_with('<') => "rays".to_owned(),
+const fn converted(plain: Plain) -> Result<&'static str, &'static str> {
+    match (plain.kind, plain.size) {
+        (b'f', 4 | 8) if plain.is_little_endian => Ok("rays"),
         // Whatever single precision holds.
-        (TypeChar::Float | TypeChar::Int | TypeChar::Uint, 1 | 2) | (TypeChar::Float, 4) | (TypeChar::Bool, _) => {
-            "rays.astype('<f4')".to_owned()
-        }
-        (TypeChar::Float | TypeChar::Int | TypeChar::Uint | TypeChar::ByteStr | TypeChar::UnicodeStr, _) => {
-            "rays.astype('<f8')".to_owned()
-        }
-        (TypeChar::Object, _) => "np.array(rays.tolist(), '<f8')".to_owned(),
-        (TypeChar::Complex, _) => return Err("complex numbers are no rays"),
-        _ => return Err("its entries are no numbers"),
-    })
-}
-
-/// Numbers in a record; `None` if it holds anything else.
-fn leaves(dtype: &DType) -> Option<u64> {
-    match dtype {
-        DType::Plain(plain) => {
-            matches!(plain.type_char(), TypeChar::Float | TypeChar::Int | TypeChar::Uint | TypeChar::Bool).then_some(1)
-        }
-        DType::Array(count, inner) => leaves(inner)?.checked_mul(*count),
-        DType::Record(fields) => fields.iter().try_fold(0_u64, |sum, field| sum.checked_add(leaves(&field.dtype)?)),
+        (b'f' | b'i' | b'u', 1 | 2) | (b'f', 4) | (b'b', _) => Ok("rays.astype('<f4')"),
+        (b'f' | b'i' | b'u' | b'S' | b'U', _) => Ok("rays.astype('<f8')"),
+        (b'O', _) => Ok("np.array(rays.tolist(), '<f8')"),
+        (b'c', _) => Err("complex numbers are no rays"),
+        _ => Err("its entries are no numbers"),
     }
 }
 
@@ -139,7 +114,7 @@ mod tests {
         let mut file = b"\x93NUMPY\x01\x00".to_vec();
         file.extend((dict.len() as u16).to_le_bytes());
         file.extend(dict.bytes());
-        format!("{:#}", Layout::of(&NpyHeader::from_reader(&file[..]).unwrap()).unwrap_err())
+        Layout::of(&Header::read(&mut &file[..]).unwrap()).unwrap_err().to_string()
     }
 
     /// NumPy carries out each of these and gets the rays, none scrambled. Mutants: `reshape` for 8 × N, which scrambles
