@@ -5,9 +5,9 @@
 #![forbid(unsafe_code)]
 
 use rt_balance::stats::median;
+use rt_benches::options;
 use rt_benches::peers::{Peer, Peers, Run};
-use rt_benches::{BenchScene, options};
-use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
+use rt_bvh::{Builder, Stack};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use std::error::Error;
 use std::time::Instant;
@@ -39,8 +39,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     println!(
-        "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n\
-         Behind a peer's time: by how many rays in a million it hits more than we do (+) or fewer.\n",
+        "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved \
+         runs.\nBehind a peer's time: by how many rays in a million it hits more than we do (+) or fewer.\n",
         options.runs
     );
     print!("| scene | rays | robust Mray/s |");
@@ -54,32 +54,31 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
-    let bench = BenchScene::open(name)?;
-    let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-    let scene = build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene;
-    let mut peers = Peers::new(&bench.model, &scene)?;
+    let prepared = rt_benches::open(name, options.builder)?;
+    let scene = &prepared.built.scene;
+    let mut peers = Peers::new(&prepared.model, scene)?;
     if let Some(reason) = peers.missing() {
         eprintln!("{name}: left out: {reason}");
     }
-    let streams = bench.streams(&scene, options.size)?;
+    let streams = rt_benches::streams(&prepared, options.size)?;
     for (kind, source, query) in streams.iter().filter(|(_, source, _)| !source.is_empty()) {
         let mut times = vec![Vec::new(); KERNELS.len()];
         let mut others = vec![Vec::<Run>::new(); Peer::ALL.len()];
         let mut hits = 0_usize;
         for _ in 0..options.runs {
             for (times, (_, kernel)) in times.iter_mut().zip(KERNELS) {
-                times.push(run(&scene, source, *query, kernel, |_, _| ()));
+                times.push(run(scene, source, *query, kernel, |_, _| ()));
             }
             for (runs, peer) in others.iter_mut().zip(Peer::ALL) {
                 runs.extend(peers.run(peer, source, *query)?);
             }
         }
-        run(&scene, source, *query, KERNELS[0].1, |_, hit| hits += usize::from(hit.is_hit()));
+        run(scene, source, *query, KERNELS[0].1, |_, hit| hits += usize::from(hit.is_hit()));
         // Pair by pair, so that a machine whose speed drifts compares neighbours in time.
         let over = |these: &mut dyn Iterator<Item = f64>| {
             median(&these.zip(&times[0]).map(|(a, b)| a / b).collect::<Vec<_>>())
         };
-        print!("| {} | {kind} | {:.2} |", bench.name, f64::from(source.len()) / median(&times[0]) / 1e6);
+        print!("| {} | {kind} | {:.2} |", prepared.name, f64::from(source.len()) / median(&times[0]) / 1e6);
         times[1..].iter().for_each(|times| print!(" {:.2} |", over(&mut times.iter().copied())));
         for runs in &others {
             match runs.first() {
