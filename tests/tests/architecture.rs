@@ -6,7 +6,7 @@
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Packages that serve the workspace and are nobody's dependency but each other's: tests, benchmarks, automation.
@@ -74,7 +74,7 @@ fn levels(page: &str, packages: &BTreeMap<String, Package>) -> BTreeMap<String, 
 }
 
 fn page() -> String {
-    fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md")
+    read(&root().join("ARCHITECTURE.md"))
 }
 
 /// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own
@@ -116,6 +116,87 @@ fn the_prohibitions_hold() {
         let known = closure(&packages, device);
         assert!(!known.contains("rt-sched") && !known.contains("rt-balance"), "{device} knows a scheduler: {known:?}");
     }
+}
+
+/// The largest share that one crate may have of the workspace's lines of Rust.
+const LARGEST_SHARE: f64 = 0.15;
+
+/// Most lines of the command, without its tests: it holds arguments, and calls of what is below.
+const COMMAND_LINES: usize = 2_500;
+
+/// The files below a folder of the repository that end so, but for what is built or set up.
+fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("the repository can be read") {
+        let path = entry.expect("the repository can be read").path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() {
+            if !name.starts_with('.') && !["target", "out"].contains(&name) {
+                found.extend(files(&path, endings));
+            }
+        } else if endings.iter().any(|ending| name.ends_with(ending)) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+fn read(file: &Path) -> String {
+    fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
+}
+
+fn lines(folder: &Path) -> usize {
+    files(folder, &[".rs"]).iter().map(|file| read(file).lines().count()).sum()
+}
+
+/// Fails when one crate grows into the room that holds everything, or the command gets what libraries should have.
+#[test]
+fn no_crate_outgrows_the_others() {
+    let sizes: BTreeMap<String, usize> =
+        workspace().into_iter().map(|(name, Package { folder, .. })| (name, lines(&root().join(folder)))).collect();
+    // A package that lies in another's folder is counted twice, which makes shares smaller by next to nothing.
+    let total: usize = sizes.values().sum();
+    for (name, size) in &sizes {
+        let share = *size as f64 / total as f64;
+        assert!(share <= LARGEST_SHARE, "{name} has {size} of {total} lines, {:.1}%", 100.0 * share);
+    }
+    let command = lines(&root().join("crates/rt-cli/src"));
+    assert!(command < COMMAND_LINES, "the command has {command} lines");
+}
+
+/// The words of a line, code spans whole.
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    let mut is_code = false;
+    line.split(move |character| {
+        is_code ^= character == '`';
+        character == ' ' && !is_code
+    })
+}
+
+/// Lines of comments and pages are no wider than those of code, which rustfmt sees to. Tables and what is quoted as code
+/// cannot be broken; nor can a line that one address or code span fills.
+#[test]
+fn comments_and_pages_are_as_wide_as_code() {
+    let settings = read(&root().join("rustfmt.toml"));
+    let width = settings.lines().find_map(|line| line.strip_prefix("max_width = ")?.parse().ok());
+    let width: usize = width.expect("rustfmt.toml states the width");
+    let long = |line: &str| line.chars().count() > width && words(line).all(|word| word.chars().count() < width / 2);
+    let mut wide = Vec::new();
+    for file in files(root(), &[".md", ".rs", ".wgsl"]) {
+        let is_page = file.extension().is_some_and(|extension| extension == "md");
+        let mut is_quoted = false;
+        for (number, line) in (1..).zip(read(&file).lines()) {
+            let comment = line.trim_start().strip_prefix("//");
+            let text = comment.unwrap_or(line).trim_start_matches(['/', '!']).trim_start();
+            if is_page && text.starts_with("```") {
+                is_quoted = !is_quoted;
+            }
+            if (is_page || comment.is_some()) && !is_quoted && !text.starts_with('|') && long(line) {
+                wide.push(format!("{}:{number}", file.strip_prefix(root()).unwrap_or(&file).display()));
+            }
+        }
+    }
+    assert!(wide.is_empty(), "wider than {width}: {wide:#?}");
 }
 
 /// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through
