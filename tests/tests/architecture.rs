@@ -13,11 +13,16 @@ use std::process::Command;
 const SERVANTS: [&str; 5] = ["embree4-sys", "fuzz-cases", "rt-benches", "rt-tests", "xtask"];
 
 /// A package of the workspace.
+#[derive(Debug)]
 struct Package {
     /// Relative to the repository.
     folder: String,
     /// The packages of the workspace that it is built from, optional ones too.
     uses: BTreeSet<String>,
+    /// The same of others.
+    others: BTreeSet<String>,
+    /// Whether somebody else may build on it.
+    is_public: bool,
 }
 
 fn root() -> &'static Path {
@@ -40,10 +45,12 @@ fn workspace() -> BTreeMap<String, Package> {
         let manifest = text(&package["manifest_path"]);
         let folder = Path::new(&manifest).parent().and_then(|folder| folder.strip_prefix(root()).ok());
         let dependencies = package["dependencies"].as_array().expect("dependencies").iter();
-        let built_in = dependencies.filter(|used| used["kind"] != "dev" && !used["path"].is_null());
-        let uses = built_in.map(|used| text(&used["name"])).collect();
+        let built_from = dependencies.filter(|used| used["kind"] != "dev");
+        let (ours, others): (Vec<&Value>, Vec<&Value>) = built_from.partition(|used| !used["path"].is_null());
+        let names = |used: Vec<&Value>| used.into_iter().map(|used| text(&used["name"])).collect();
         let folder = folder.expect("below the root").to_string_lossy().into_owned();
-        (text(&package["name"]), Package { folder, uses })
+        let is_public = package["publish"].is_null();
+        (text(&package["name"]), Package { folder, uses: names(ours), others: names(others), is_public })
     };
     packages.iter().map(package).collect()
 }
@@ -197,6 +204,19 @@ fn comments_and_pages_are_as_wide_as_code() {
         }
     }
     assert!(wide.is_empty(), "wider than {width}: {wide:#?}");
+}
+
+/// Whoever builds on a crate can match its errors. Fails when a public crate is given errors without a type, or uses a
+/// package that is not public.
+#[test]
+fn public_crates_have_errors_of_their_own_types() {
+    let packages = workspace();
+    let public: Vec<(&String, &Package)> = packages.iter().filter(|(_, package)| package.is_public).collect();
+    assert!(public.len() >= 10 && public.iter().any(|(name, _)| *name == "rt-balance"), "{public:?}");
+    for (name, Package { uses, others, .. }) in public {
+        assert!(!others.contains("anyhow"), "{name} uses anyhow");
+        assert!(uses.iter().all(|used| packages[used].is_public), "{name} uses what is not public: {uses:?}");
+    }
 }
 
 /// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through
