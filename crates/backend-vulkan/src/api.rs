@@ -2,7 +2,7 @@
 
 use crate::buffer::{Buffer, Use};
 use crate::gpu::Gpu;
-use crate::launch::{Job, Slot};
+use crate::launch::Job;
 use crate::probe;
 use crate::shared::Shared;
 use crate::timeline::Timeline;
@@ -12,7 +12,7 @@ use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_gpu::{Answer, Flight, GpuApi, GpuScene, Layout, PATIENCE, RayList, RayRecipe, Trees, Tuning};
 use rt_shaders::Purpose;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How long dropping it waits for launches in flight. What is not done then is freed later, see

@@ -21,7 +21,7 @@ use rt_scene::prepare::Prepared;
 use rt_verify::clock;
 use std::error::Error;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The longest a launch may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(300);

@@ -1,6 +1,6 @@
 //! The traversal loop for packets.
 
-use super::super::lanes::{self, LANES, Lanes, Numbers, not_above};
+use super::super::lanes::{self, LANES, Lanes, not_above};
 use super::super::stack::{Pending, RayGroup, Stack};
 use super::super::walk::{Visitor, walk};
 use super::filter::PacketFilter;

@@ -241,10 +241,10 @@ fn auto_estimates_nothing_where_nothing_pays() {
     let stream = |uninformed_excess| RayStream { uninformed_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
     let mut auto = Auto::default();
     // At the assumed price of 3, and two devices that wait for the host, four samples a task cost 0.86% of the trace.
-    for (part, (blind, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
-        let stream = RayStream { wave, ..stream(blind) };
+    for (wave, (excess, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
+        let stream = RayStream { wave, ..stream(excess) };
         let (work, walked) = estimate(&mut auto, stream, &primary);
-        assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{blind}");
+        assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{excess}");
         assert_eq!(auto.chosen() == "uniform", !walks);
         assert_eq!(work.len(), tasks.len());
     }
