@@ -33,7 +33,7 @@ impl RayGeneration {
         Some(Self { block, made: RayMask::new(source.len()) })
     }
 
-    /// What the device is to make before it traces `work`, whose window begins with ray number `first`; `None` if
+    /// What the device is to make before it traces `list`, whose window begins with ray number `first`; `None` if
     /// nothing. `places` are those of the scene's triangles on the device.
     pub(crate) fn recipe<'a>(
         &self,
@@ -53,12 +53,12 @@ impl RayGeneration {
         }
     }
 
-    /// Takes note that the rays of `work` are made.
+    /// Takes note that the rays of `list` are made.
     pub(crate) fn note(&mut self, list: &RayList) {
         list.rows().for_each(|row| self.made.insert_all(row.ray..row.ray + row.count));
     }
 
-    /// The work's rays that are not made, in rows as long as can be, in order.
+    /// The list's rays that are not made, in rows as long as can be, in order.
     fn missing(&self, list: &RayList) -> Vec<Row> {
         let mut rows = Vec::new();
         for Row { ray, count } in list.rows() {

@@ -159,10 +159,10 @@ mod tests {
         (0..items).map(|item| if ranges == 0 { rays[item as usize] } else { ray(item).expect("a range") }).collect()
     }
 
-    /// Every ray that was asked for is in the work of its window once, and its place is that in the list of all. Fails
+    /// Every ray that was asked for is in the list of its window once, and its place is that in the list of all. Fails
     /// when runs are joined across a ray that is left out, or a run is not cut where its window ends.
     #[test]
-    fn work_is_what_was_asked_for() {
+    fn lists_are_what_was_asked_for() {
         for seed in 0..300 {
             let below = |bound, index| random::below(bound, seed, index, 9);
             let stream = 200 + below(200, 0);
