@@ -134,7 +134,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().context("--eye, --target, --up, --fov").or_usage()?;
+    view.camera().or_usage("--eye, --target, --up, --fov")?;
     Ok(view)
 }
 

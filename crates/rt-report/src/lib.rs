@@ -6,6 +6,7 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod chart;
+mod error;
 pub mod html;
 pub mod image;
 mod machine;
@@ -16,4 +17,5 @@ pub mod report;
 pub mod table;
 pub mod usage;
 
+pub use error::ReportError;
 pub use machine::{Machine, command_line, command_words};

@@ -10,8 +10,8 @@
 //!
 //! A miss has `t = inf` and the id `0xffffffff`. Ids are bits because float32 holds whole numbers only up to 2²⁴.
 
+use crate::ReportError;
 use crate::output::write_atomically;
-use anyhow::Result;
 use bytemuck::Pod;
 use rt_core::{Hit, TestCounts};
 use std::path::Path;
@@ -23,7 +23,7 @@ const CHUNK: usize = 4096;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_hits(path: &Path, hits: &[Hit]) -> Result<()> {
+pub fn write_hits(path: &Path, hits: &[Hit]) -> Result<(), ReportError> {
     write_rows(path, hits, "<f4")
 }
 
@@ -31,12 +31,12 @@ pub fn write_hits(path: &Path, hits: &[Hit]) -> Result<()> {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_counts(path: &Path, counts: &[TestCounts]) -> Result<()> {
+pub fn write_counts(path: &Path, counts: &[TestCounts]) -> Result<(), ReportError> {
     write_rows(path, counts, "<u4")
 }
 
 /// Writes rows of 32-bit words.
-fn write_rows<Row: Pod>(path: &Path, rows: &[Row], descr: &str) -> Result<()> {
+fn write_rows<Row: Pod>(path: &Path, rows: &[Row], descr: &str) -> Result<(), ReportError> {
     let columns = size_of::<Row>() / size_of::<u32>();
     write_atomically(path, |out| {
         out.write_all(&header(descr, [rows.len(), columns]))?;

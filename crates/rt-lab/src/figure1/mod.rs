@@ -97,7 +97,7 @@ pub struct Options {
 /// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     if !options.task_sizes.is_sorted_by(|a, b| a < b) {
-        return Err(usage("--task-sizes must increase, such as 64,256,1024"));
+        return Err(usage("--task-sizes must increase, such as 64,256,1024").into());
     }
     Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes).check()?;
     let setting = setting(options)?;
@@ -156,7 +156,7 @@ fn setting(options: &Options) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
         let devices = open(list.unwrap_or("cpu:1"))?;
         if devices.len() != 1 {
-            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
+            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1").into());
         }
         Ok(devices)
     };

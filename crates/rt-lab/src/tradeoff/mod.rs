@@ -143,7 +143,7 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
         let reasons = left_out.join("; ");
-        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
+        return Err(if common.devices.is_some() { usage(reasons).into() } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
@@ -175,7 +175,7 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
 /// Whether the files of all trades can be written.
 fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
     let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
-    Outputs::new().folder("--out", out, files).scenes(scenes).check()
+    Ok(Outputs::new().folder("--out", out, files).scenes(scenes).check()?)
 }
 
 /// The device that is named, or the usual one.
@@ -186,7 +186,8 @@ fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
         (Some(device), true) => Ok(device),
         _ => Err(usage(format!(
             "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
-        ))),
+        ))
+        .into()),
     }
 }
 

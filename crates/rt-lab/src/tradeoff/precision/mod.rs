@@ -150,7 +150,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &TimeBudget<'_>, page: 
     output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
     output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
     let svg = chart::to_svg(&fronts(&report));
-    output::write_atomically(&args.out.join("precision.svg"), |file| Ok(file.write_all(svg.as_bytes())?))?;
+    output::write_atomically(&args.out.join("precision.svg"), |file| file.write_all(svg.as_bytes()))?;
     page.section("Speed against wrong answers");
     page.chart(
         &svg,
