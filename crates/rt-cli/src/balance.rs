@@ -2,7 +2,7 @@
 
 use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rt_balance::catalogue::{Estimator, Make};
 use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
 use rt_report::usage::{OrUsage, usage};
