@@ -51,7 +51,7 @@ impl<'a> TimeBudget<'a> {
         self.show();
     }
 
-    /// The same stretch for `steps` in each of `rounds` rounds.
+    /// The same time for `steps` in each of `rounds` rounds.
     pub(crate) fn with_steps(mut self, steps: usize, rounds: u32) -> Self {
         (self.steps, self.done) = ((steps as u64 * u64::from(rounds)).max(1), Cell::new(0));
         self
@@ -123,7 +123,7 @@ mod tests {
         let hour = Duration::from_secs(3600);
         let bar = Bar::default();
         let whole = TimeBudget::whole(&bar, Some(hour));
-        let left = |stretch: &TimeBudget<'_>| stretch.left().unwrap().as_secs_f64();
+        let left = |time: &TimeBudget<'_>| time.left().unwrap().as_secs_f64();
         let near = |found: f64, wanted: f64| assert!((found / wanted - 1.0).abs() < 0.05, "{found}, not {wanted}");
         near(left(&whole.part(&[2.0, 1.0, 1.0], 0)), 1800.0);
         // Nothing was spent before the second part, so it gets half of all.

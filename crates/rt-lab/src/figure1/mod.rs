@@ -126,8 +126,8 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         None => Devices::Real,
     };
     let steps = options.scenes.len() * 2 * options.task_sizes.len();
-    let stretch = TimeBudget::whole(lab.show, None).with_steps(steps, repetitions + 1);
-    stretch.label("measuring");
+    let time = TimeBudget::whole(lab.show, None).with_steps(steps, repetitions + 1);
+    time.label("measuring");
     for scene in &options.scenes {
         let mut subject = Subject::open(lab, scene, &setting.devices)?;
         results.measured_on = subject.devices();
@@ -143,11 +143,11 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
                 repetitions,
                 seed: options.seed,
             };
-            let panel = plan.measure(&mut subject, &stream, &|| stretch.step());
+            let panel = plan.measure(&mut subject, &stream, &|| time.step());
             results.panels.push(panel.with_context(|| format!("{}, {} rays", scene.display(), stream.kind))?);
         }
     }
-    stretch.finish();
+    time.finish();
     write::all(lab, &options.out, &results)
 }
 

@@ -23,7 +23,7 @@ pub(super) struct Setting<'a> {
     pub(super) size: [u32; 2],
     pub(super) repeat: u32,
     /// The trade's part of the time and of the bar.
-    pub(super) stretch: TimeBudget<'a>,
+    pub(super) time: TimeBudget<'a>,
     pub(super) head: Head,
 }
 
