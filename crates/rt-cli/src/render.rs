@@ -195,7 +195,7 @@ fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
 fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun]) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs)?;
-    costs.write_png(&args.out.join("cost.png"))
+    Ok(costs.write_png(&args.out.join("cost.png"))?)
 }
 
 /// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
