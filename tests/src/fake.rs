@@ -229,14 +229,13 @@ impl FakeTracer {
     /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
     /// opposite the first vertex is hit.
     fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
-        let shear = ray.is_valid().then(|| Shear::new(ray.origin, ray.direction));
-        let scale = 2.0_f32.powi(self.scene.scale_exponent());
+        let shear = ray.is_valid().then(|| Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY));
         let hits = self.scene.triangles().iter().enumerate().filter_map(|(slot, triangle)| {
             // The mirror image of the first vertex stands for the other side of the edge.
-            let [a, b, c] = triangle.scaled(scale).vertices();
-            let met = shear?.intersect(&Triangle::new(b + c - a, b, c))?;
+            let [a, b, c] = triangle.vertices();
             let primitive = self.scene.primitives().get(slot);
-            met.to_hit(1.0, ray.tmin, ray.tmax, primitive).filter(|_| primitive != origin)
+            let hit = shear?.hit(&Triangle::new(b + c - a, b, c), [ray.tmin, ray.tmax], primitive);
+            hit.filter(|_| primitive != origin)
         });
         hits.fold(Hit::MISS, |best, hit| if hit.is_before(&best) { hit } else { best })
     }

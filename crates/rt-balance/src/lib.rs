@@ -31,6 +31,8 @@
 
 mod balancer;
 mod clock;
+#[cfg(feature = "cpu")]
+pub mod devices;
 mod error;
 mod estimate;
 mod measure;

@@ -18,8 +18,8 @@
 //!
 //! * Portable code without `unsafe`: SIMD words are the compiler's. Only packets are also compiled for AVX2
 //!   ([`walk_packets_avx2`]); calling that is `unsafe` where the caller is not compiled for it as well.
-//! * Coordinates smaller than 2⁻¹²⁶ of the largest one in the mesh are rounded to multiples of 2⁻¹⁴⁹ of it.
-//! * A ray whose origin is further away than 2¹²⁷ times the largest coordinate of the mesh misses.
+//! * Where a mesh has coordinates 2⁶⁰ times as large as its details, or a ray starts as far away, boxes hardly help: every ray is
+//!   tested against much of the mesh, and graphics cards leave it to the host. Hits are right all the same.
 //! * Spatial splits are not made: a triangle is in exactly one leaf.
 #![no_std]
 #![forbid(unsafe_code)]

@@ -13,7 +13,7 @@ mod verify;
 
 pub(crate) use balance::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
 pub(crate) use bench::BenchArgs;
-pub(crate) use cards::{CardArgs, LayoutArg};
+pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand};
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;

@@ -4,7 +4,6 @@
 mod args;
 mod balance;
 mod bench;
-mod devices;
 mod experiment;
 mod figure1;
 mod frame;
@@ -13,7 +12,7 @@ mod list;
 pub mod npy;
 mod progress;
 mod render;
-mod scene_source;
+mod scene;
 mod shade;
 mod trace;
 mod tradeoff;

@@ -1,13 +1,12 @@
 //! `raybalance devices` and `raybalance scenes`.
 
-use crate::args::CardArgs;
-use crate::devices::{Api, Found};
-use crate::scene_source::generate;
 use crate::table::{Table, grouped};
 use anyhow::Result;
 use rt_balance::cpu::CpuDevice;
+use rt_balance::devices::{Api, CardOptions, Found};
 use rt_balance::vulkan::Card;
 use rt_core::Device;
+use rt_scene::prepare::generate;
 use rt_scene::scenes;
 use serde_json::json;
 
@@ -44,8 +43,8 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
     };
     let mut entries: Vec<Entry> = cores.iter().map(cpu).collect();
     let mut missing = Vec::new();
-    for api in Api::ALL {
-        match api.devices(CardArgs::default()) {
+    for &api in Api::ALL {
+        match api.devices(CardOptions::default()) {
             Ok(found) => entries.extend(found.iter().enumerate().map(|(index, found)| gpu_entry(api, index, found))),
             // A system without the API simply has no such devices.
             Err(error) => missing.push(error),

@@ -2,8 +2,7 @@
 
 use crate::args::TraceArgs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::scene_source::prepare;
-use crate::{devices, interrupt, npy, progress, render, table};
+use crate::{interrupt, npy, progress, render, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
@@ -15,9 +14,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
     let rays = npy::read_rays(&args.rays)?;
-    let prepared = prepare(&args.scene, &args.source)?;
+    let prepared = args.source.prepare(&args.scene)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = devices::open_with(args.balance.devices.as_deref(), &args.balance.cards)?;
+    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
 
     let query = if args.any { Query::Any } else { Query::Closest };

@@ -1,8 +1,8 @@
 //! `raybalance verify`: the promises about hits, tried on the devices of this machine.
 
-use crate::args::VerifyArgs;
+use crate::args::{CardArgs, VerifyArgs};
 use crate::table::{Table, grouped, seconds};
-use crate::{devices, interrupt, progress, scene_source};
+use crate::{interrupt, progress, scene};
 use anyhow::{Result, bail};
 use rt_verify::{DeviceReport, Extent, Options, Promise, Row, Subject, Suite, Verdict, Watch};
 use serde::Serialize;
@@ -36,8 +36,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     interrupt::watch();
     let begin = Instant::now();
     let names = if args.scenes.is_empty() { SCENES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
-    let models = names.iter().map(|name| scene_source::load(name, false)).collect::<Result<Vec<_>>>()?;
-    let devices = devices::open(Some(&args.backend))?;
+    let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
+    let devices = CardArgs::default().open(Some(&args.backend))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };
     let suite = Suite::new(Options { extent, rays: args.rays, seed: args.seed, builder: args.builder }, models);
 

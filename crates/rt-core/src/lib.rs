@@ -19,6 +19,7 @@ pub mod bounce;
 mod camera;
 mod cost;
 mod device;
+mod expansion;
 pub mod intersect;
 pub mod morton;
 pub mod random;
@@ -37,5 +38,5 @@ pub use device::{
     Traffic,
 };
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
-pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, Scene, SceneError, SceneParts};
+pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, SCALE_EXPONENTS, Scene, SceneError, SceneParts};
 pub use task::{RayMask, Task, TaskId, tasks_of};

@@ -20,6 +20,16 @@ pub const fn exponent(x: f32) -> i32 {
     }
 }
 
+/// The `e` for which `x` is an odd multiple of 2^e. `x` is finite and not zero.
+#[must_use]
+pub const fn lowest_bit(x: f32) -> i32 {
+    let fraction = x.to_bits() & 0x7f_ffff;
+    match x.to_bits() >> 23 & 0xff {
+        0 => fraction.trailing_zeros() as i32 - 149,
+        biased => (fraction | 0x80_0000).trailing_zeros() as i32 + biased as i32 - 150,
+    }
+}
+
 /// `v · factor`, rounded once: exact for a power of two unless the result is subnormal or overflows.
 #[must_use]
 pub fn scaled(v: Vec3, factor: f64) -> Vec3 {
@@ -36,6 +46,8 @@ mod tests {
             let e = exponent(x);
             let magnitude = f64::from(x.abs());
             assert!(pow2(e - 1) <= magnitude && magnitude < pow2(e), "{x}: {e}");
+            let odd = f64::from(x) / pow2(lowest_bit(x));
+            assert_eq!(odd.abs() % 2.0, 1.0, "{x}");
         }
         assert_eq!((exponent(0.0), pow2(0), pow2(-3)), (0, 1.0, 0.125));
     }

@@ -5,10 +5,15 @@ use alloc::vec;
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use core::fmt;
+use core::ops::RangeInclusive;
 
 /// Greatest number of inner nodes on a path from the root; builders must stay below it, so that a traversal stack of
 /// this many entries always suffices.
 pub const MAX_DEPTH: u32 = 128;
+
+/// What [`Scene::scale_exponent`] may be: what takes coordinates from the least to the largest of single precision to about 1.
+/// The exact arithmetic of [`crate::intersect`] counts with it.
+pub const SCALE_EXPONENTS: RangeInclusive<i32> = -148..=128;
 
 /// An inner node of the two-wide tree: the boxes of both children and where they are. 64 bytes, one cache line.
 #[repr(C)]
@@ -130,7 +135,7 @@ pub struct SceneParts {
     pub triangles: Vec<Triangle>,
     /// For each triangle, its index in the caller's index buffer.
     pub primitives: Vec<u32>,
-    /// Local coordinates are given ones times `2^−scale_exponent`.
+    /// Local coordinates are given ones times `2^−scale_exponent`, none rounded; in [`SCALE_EXPONENTS`].
     pub scale_exponent: i32,
     /// Number of triangles the caller gave, those left out included; every id is below it.
     pub primitive_count: u32,
@@ -152,7 +157,7 @@ impl Scene {
     ///
     /// # Errors
     /// When an index leads nowhere or twice to one place, a child is not inside its bounds, a triangle is not finite,
-    /// or the tree is deeper than [`MAX_DEPTH`].
+    /// the scale is not one that single precision asks for, or the tree is deeper than [`MAX_DEPTH`].
     pub fn new(parts: SceneParts) -> Result<Self, SceneError> {
         let SceneParts { nodes, triangles, primitives, scale_exponent, primitive_count } = parts;
         if nodes.is_empty() {
@@ -160,6 +165,9 @@ impl Scene {
         }
         if triangles.len() != primitives.len() {
             return Err(SceneError::IdCount { triangles: triangles.len(), ids: primitives.len() });
+        }
+        if !SCALE_EXPONENTS.contains(&scale_exponent) {
+            return Err(SceneError::Scale { exponent: scale_exponent });
         }
         if let Some(&id) = primitives.iter().find(|&&id| id >= primitive_count) {
             return Err(SceneError::IdRange { id, primitive_count });
@@ -193,8 +201,9 @@ impl Scene {
         self.primitive_count
     }
 
-    /// Local coordinates are given ones times `2^−scale_exponent`: exact, and it keeps single-precision products of
-    /// coordinates away from overflow and underflow whatever the unit of the scene.
+    /// Local coordinates are given ones times `2^−scale_exponent`. No coordinate of a triangle is rounded. Where that is
+    /// possible the largest of them is in [½, 1), which keeps single-precision products of coordinates away from overflow and
+    /// underflow whatever the unit of the scene.
     #[must_use]
     pub const fn scale_exponent(&self) -> i32 {
         self.scale_exponent
@@ -306,6 +315,11 @@ pub enum SceneError {
         /// Its position in leaf order.
         slot: usize,
     },
+    /// The scale exponent is not in [`SCALE_EXPONENTS`].
+    Scale {
+        /// The exponent.
+        exponent: i32,
+    },
     /// A path is longer than [`MAX_DEPTH`].
     TooDeep,
 }
@@ -322,6 +336,12 @@ impl fmt::Display for SceneError {
             Self::LeafRange { node } => write!(f, "a leaf of node {node} names triangles outside its own"),
             Self::Bounds { node } => write!(f, "a child of node {node} is not finite or sticks out of its bounds"),
             Self::LostTriangle { slot } => write!(f, "triangle {slot} of the leaf order is in no leaf"),
+            Self::Scale { exponent } => write!(
+                f,
+                "coordinates are scaled by 2^{exponent}, outside {} to {}",
+                SCALE_EXPONENTS.start(),
+                SCALE_EXPONENTS.end()
+            ),
             Self::TooDeep => write!(f, "the tree is deeper than {MAX_DEPTH}"),
         }
     }
@@ -369,6 +389,7 @@ mod tests {
         assert_eq!(bad(|p| p.nodes[0].bounds[0].max.x = 0.5), SceneError::Bounds { node: 0 });
         assert_eq!(bad(|p| p.triangles[0].a.x = f32::NAN), SceneError::Bounds { node: 0 });
         assert_eq!(bad(|p| p.nodes[0].set(1, Aabb::EMPTY, Child::Inner(0))), SceneError::NodeIndex { index: 0 });
+        assert_eq!(bad(|p| p.scale_exponent = 129), SceneError::Scale { exponent: 129 });
         assert_eq!(bad(|p| p.nodes[0] = Node::EMPTY), SceneError::LostTriangle { slot: 0 });
     }
 }

@@ -2,13 +2,15 @@
 //!
 //! [`obj`] loads a [`Model`], [`builtin`] generates one, [`view`] finds a camera for it, [`scan`] looks at its numbers
 //! and plans how to trace it, and [`streams`] makes the rays: camera rays in waves, then diffuse and shadow rays from
-//! the hits of a stream before. [`scenes`] lists what can be named without a file.
+//! the hits of a stream before. [`scenes`] lists what can be named without a file, and [`prepare`] makes of a name or a file
+//! what can be traced.
 #![forbid(unsafe_code)]
 
 pub mod builtin;
 mod frame;
 mod model;
 pub mod obj;
+pub mod prepare;
 pub mod scan;
 pub mod scenes;
 pub mod streams;

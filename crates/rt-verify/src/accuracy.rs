@@ -97,7 +97,7 @@ impl Accuracy {
 
 /// How far `t` is from the distance in double precision, in units of its last place in single precision.
 fn ulp_error(ray: &Ray, triangle: &Triangle, t: f32) -> Option<f64> {
-    let exact = Shear::new(ray.origin, ray.direction).intersect(triangle)?.t;
+    let exact = Shear::new(ray, 0, f64::INFINITY).intersect(triangle)?.t;
     let nearest = exact.abs() as f32;
     let unit = f64::from(nearest.next_up()) - f64::from(nearest);
     Some((f64::from(t) - exact).abs() / unit)

@@ -10,7 +10,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 use gather::Gathered;
-use rt_core::{Node, Scene, SceneError, SceneParts};
+use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 
 /// Builds a scene from `mesh`.
 ///
@@ -57,7 +57,7 @@ fn grow(
     Ok((scene, Builder::Sah, fallback))
 }
 
-/// What a builder makes of references: nodes, and the references' positions in leaf order.
+/// What a builder makes of references: nodes with their boxes, and the references' positions in leaf order.
 struct Tree {
     nodes: Vec<Node>,
     order: Vec<u32>,
@@ -66,14 +66,34 @@ struct Tree {
 /// Puts triangles and ids in leaf order, and has the scene check everything.
 fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     let Gathered { triangles, primitives, .. } = gathered;
+    let Tree { mut nodes, order } = tree;
+    if !gathered.exact_references {
+        fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
+    }
     Scene::new(SceneParts {
-        nodes: tree.nodes,
-        triangles: tree.order.iter().map(|&i| triangles[i as usize]).collect(),
-        primitives: tree.order.iter().map(|&i| primitives[i as usize]).collect(),
+        nodes,
+        triangles: order.iter().map(|&i| triangles[i as usize]).collect(),
+        primitives: order.iter().map(|&i| primitives[i as usize]).collect(),
         scale_exponent: gathered.scale_exponent,
         primitive_count: gathered.primitive_count,
     })
     .map_err(BuildError::Scene)
+}
+
+/// Fits all boxes to those of what is in the leaves.
+fn fit(nodes: &mut [Node], order: &[u32], bounds: impl Fn(u32) -> Aabb) {
+    // Children come after their parents.
+    for node in (0..nodes.len()).rev() {
+        for side in 0..2 {
+            nodes[node].bounds[side] = match nodes[node].child(side) {
+                Child::Absent => Aabb::EMPTY,
+                Child::Inner(child) => nodes[child as usize].bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)),
+                Child::Leaf { first, count } => order[first as usize..][..count as usize]
+                    .iter()
+                    .fold(Aabb::EMPTY, |all, &i| all.union(bounds(i))),
+            };
+        }
+    }
 }
 
 /// A scene and how it came about.

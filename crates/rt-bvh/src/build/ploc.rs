@@ -104,17 +104,6 @@ fn convert(bvh: &Bvh2, references: &[Reference]) -> Tree {
             open.push((given.first_index as usize, Some((index, 0))));
         }
     }
-    // Children come after their parents.
-    for node in (0..nodes.len()).rev() {
-        for side in 0..2 {
-            nodes[node].bounds[side] = match nodes[node].child(side) {
-                Child::Absent => Aabb::EMPTY,
-                Child::Inner(child) => nodes[child as usize].bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)),
-                Child::Leaf { first, count } => order[first as usize..][..count as usize]
-                    .iter()
-                    .fold(Aabb::EMPTY, |all, &i| all.union(references[i as usize].bounds())),
-            };
-        }
-    }
+    super::fit(&mut nodes, &order, |i| references[i as usize].bounds());
     Tree { nodes, order }
 }

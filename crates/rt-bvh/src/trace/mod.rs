@@ -2,15 +2,14 @@
 //!
 //! # Why hits do not depend on the tree
 //!
-//! A hit is accepted when (1) the reference test [`rt_core::intersect::Shear`] accepts it, and (2) the ray, cut at the
-//! hit, passes the box test against the triangle's own bounds. Every box above the triangle contains those bounds, and
-//! the box test is monotone (see `slabs`): whatever passes (2) passes every ancestor, under any limit that
-//! would still let the hit improve the result. So a traversal finds exactly the triangles that a test of all of them
-//! would find, whatever tree it walks. Condition (2) never refuses a hit that exists: the box test is padded beyond all
-//! rounding errors. It only refuses false hits of the reference test itself, on triangles below 2⁻⁵⁰ of the distance.
+//! Whether a ray hits a triangle, and at which distance, is defined by exact arithmetic ([`rt_core::intersect`]), and no box has
+//! a say in it. Where there is a hit, the ray enters the triangle's own box before any limit that would still let the hit
+//! improve the result: the box test is padded beyond all rounding errors (see `slabs`). Every box above the triangle contains
+//! that one, and the box test is monotone: so the ray enters those, too. So a traversal finds exactly the triangles that a test
+//! of all of them would find, whatever tree it walks.
 //!
 //! Boxes are tested alike in every precision: once padded, the careful test costs no more than the plain one. Single
-//! precision ([`Precision::Fast`]) skips condition (2) and promises nothing of the kind.
+//! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
 pub mod offload;
 mod packet;

@@ -39,7 +39,7 @@ pub struct KernelRay {
 }
 
 impl KernelRay {
-    /// The ray hits nothing: it is invalid, or starts unreachably far away. It costs no test.
+    /// The ray hits nothing: it is invalid. It costs no test.
     pub const MISS: u32 = 4;
     /// The ray's numbers are so large or small that only the host may trace it.
     pub const HOST: u32 = 8;
@@ -63,6 +63,9 @@ impl KernelRay {
 pub struct Offload<'a> {
     scene: &'a Scene,
     frame: Frame,
+    /// Whether no coordinate is greater than 1, which error bounds of kernels count with. It may be where the scene's
+    /// smallest coordinates could not be scaled down.
+    normalised: bool,
 }
 
 /// Smallest and largest distance across the scene, in local units, for which single-precision products in a kernel's
@@ -81,7 +84,9 @@ impl<'a> Offload<'a> {
     /// For rays and hits of `scene`.
     #[must_use]
     pub fn new(scene: &'a Scene) -> Self {
-        Self { scene, frame: Frame::of(scene) }
+        let Aabb { min, max } = scene.bounds();
+        let normalised = scene.triangles().is_empty() || (min.cmpge(Vec3::NEG_ONE) & max.cmple(Vec3::ONE)).all();
+        Self { scene, frame: Frame::of(scene), normalised }
     }
 
     /// The scene's box, in local coordinates, as a kernel needs it beside the rays.
@@ -99,8 +104,9 @@ impl<'a> Offload<'a> {
         let reach = f64::from(local.reach);
         let scale = exponent_of(local.t_scale);
         let range = [ray.tmin, ray.tmax].map(|t| exactly_scaled(t, local.t_unscale));
-        let ([Some(tmin), Some(tmax)], true, true) = (
+        let ([Some(tmin), Some(tmax)], true, true, true) = (
             range,
+            self.normalised,
             (REACH[0]..=REACH[1]).contains(&reach),
             scale >= LEAST_EXPONENT && scale + exponent_of(reach) < GREATEST_EXPONENT,
         ) else {
@@ -124,10 +130,9 @@ impl<'a> Offload<'a> {
     /// pair. `None` where there is none, which a sound kernel never claims.
     #[must_use]
     pub fn finish(&self, ray: &Ray, slot: u32) -> Option<Hit> {
-        let triangle = self.scene.triangles().get(slot as usize)?;
-        let local = self.frame.localize(ray)?;
-        let met = Shear::new(local.origin, ray.direction).intersect(triangle)?;
-        met.to_hit(local.scale, ray.tmin, ray.tmax, self.scene.primitives().get(slot as usize))
+        let triangle = self.scene.triangles().get(slot as usize).filter(|_| ray.is_valid())?;
+        let shear = Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY);
+        shear.hit(triangle, [ray.tmin, ray.tmax], self.scene.primitives().get(slot as usize))
     }
 }
 
@@ -136,11 +141,11 @@ const fn exponent_of(x: f64) -> i32 {
     (x.to_bits() >> 52) as i32 - 1023
 }
 
-/// `t · factor`, a power of two, if that is exact or beyond every distance; overflow gives the largest number.
+/// `t · factor`, a power of two, if both are 0 or normal, or the latter beyond every distance; overflow gives the largest number.
 fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
     let scaled = f64::from(t) * factor;
     let largest = f64::from(f32::MAX);
-    (t == 0.0 || scaled.abs() >= f64::from(f32::MIN_POSITIVE)).then(|| scaled.clamp(-largest, largest) as f32)
+    (t == 0.0 || !t.is_subnormal() && scaled.abs() >= f64::from(f32::MIN_POSITIVE)).then(|| scaled.clamp(-largest, largest) as f32)
 }
 
 /// `a / b` as the sum of two single-precision numbers: the quotient rounded, and the quotient of what it left over, rounded.

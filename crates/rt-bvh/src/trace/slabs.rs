@@ -7,18 +7,22 @@
 //! # Why the test is conservative
 //!
 //! Let u = 2⁻²⁴, o and d the origin and direction, p a plane of axis k, and M_k the greatest distance along k from o to
-//! a plane of the scene's box (M the greatest of the three). Directions are scaled so that the largest component is in
-//! [1, 2): so a point of the scene at distance t has |t| ≤ M and |t·d_k| ≤ M_k.
+//! a plane of the scene's box; M is the greatest of the three, and at least 2⁻⁴⁰. Directions are scaled so that the largest
+//! component is in [1, 2): so a point of the scene at distance t has |t| ≤ M and |t·d_k| ≤ M_k.
 //!
 //! * Components of d smaller than `SMALLEST` = 2⁻⁶⁰ are replaced by it. This moves points of the ray by at
 //!   most 2⁻⁶⁰·M, and leaves no zero to divide by, hence no NaN in any comparison below.
 //! * The distance to a plane, `(p − o′) · (1/d)`, has three roundings: its error is at most 3.01·u·(M_k + pad)/|d_k|.
-//! * A hit's t was rounded to single precision: at most u·|t| ≤ u·M_k/|d_k|.
-//! * The reference test's own errors are of the order 2⁻⁵⁰·M.
+//! * A hit's t was rounded to single precision: at most u·|t| ≤ u·M_k/|d_k|. Where that made it subnormal it may be off by more,
+//!   in the tree's unit: limits that are subnormal are moved by a step of given distances, beyond what was rounded to them.
 //!
-//! With o′ = o ± pad, pad = 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|, the last term paying for the rounding of o ± pad itself, the
-//! computed near distance is at most the true one less 4.8·u·M_k/|d_k|, and the far distance is above the true one by
-//! as much: more than the sum of the errors. This holds for any sign of t.
+//! With o′ = o ± pad, pad = 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|, the last term paying for the rounding of o to single precision and of
+//! o ± pad itself, the computed near distance is at most the true one less 4.8·u·M_k/|d_k|, and the far distance is above the
+//! true one by as much: more than the sum of the errors. This holds for any sign of t.
+//!
+//! Subnormal numbers change distances by less than 2⁻¹²⁵, also where they are flushed to zero; the padding moves them by more
+//! than 2⁻⁸³, as M is at least 2⁻⁴⁰. Where M is above 2¹²⁶, or the origin beyond single precision, differences could overflow and
+//! then call a near plane an infinite one: such a ray enters every box. Below that only products do, rightly.
 //!
 //! # Why the test is monotone
 //!
@@ -33,6 +37,12 @@ use rt_core::{Aabb, Node, Ray, Scene};
 /// a scene stays finite, and the error is far below the padding.
 const SMALLEST: f32 = 1.0 / (1_u64 << 60) as f32;
 
+/// The reach that rays have at least, so that padding never vanishes.
+const LEAST_REACH: f32 = 1.0 / (1_u64 << 40) as f32;
+
+/// The reach from which on differences could overflow.
+const GREATEST_REACH: f32 = f32::from_bits((126 + 127) << 23);
+
 /// Unit roundoff of single precision.
 pub(super) const U: f32 = 1.0 / (1 << 24) as f32;
 
@@ -42,13 +52,14 @@ pub(super) const U: f32 = 1.0 / (1 << 24) as f32;
 pub(super) struct LocalRay {
     /// As given.
     pub given: Ray,
+    /// Rounded where it is subnormal; infinite where it is beyond single precision.
     pub origin: Vec3,
     /// The given direction times a power of two. Not clamped; components may have underflowed.
     pub direction: Vec3,
-    /// Greatest distance along an axis from the origin to a plane of the scene's box.
+    /// Greatest distance along an axis from the origin to a plane of the scene's box, and at least 2⁻⁴⁰.
     pub reach: f32,
-    /// Given distances are the reference test's times this; it knows local origins and given directions.
-    pub scale: f64,
+    /// [`Scene::scale_exponent`].
+    pub scale_exponent: i32,
     /// Given distances are local ones times this.
     pub t_scale: f64,
     /// Local distances are given ones times this.
@@ -75,39 +86,43 @@ pub(super) struct Frame {
     bounds: Aabb,
     /// Local lengths are given ones times this.
     unscale: f64,
-    scale: f64,
     scale_exponent: i32,
 }
 
 impl Frame {
     pub(super) fn of(scene: &Scene) -> Self {
         let scale_exponent = scene.scale_exponent();
-        Self { bounds: scene.bounds(), unscale: pow2(-scale_exponent), scale: pow2(scale_exponent), scale_exponent }
+        Self { bounds: scene.bounds(), unscale: pow2(-scale_exponent), scale_exponent }
     }
 
-    /// The ray in local coordinates; `None` when it is invalid, or starts unreachably far away.
+    /// The ray in local coordinates; `None` when it is invalid.
     #[inline(always)]
     pub(super) fn localize(&self, ray: &Ray) -> Option<LocalRay> {
         if !ray.is_valid() {
             return None;
         }
         let origin = scaled(ray.origin, self.unscale);
-        if !origin.is_finite() {
-            return None;
-        }
         // One less than `exponent`, for [1, 2) rather than [½, 1).
         let direction_exponent = exponent(ray.direction.abs().max_element()) - 1;
         let direction = scaled(ray.direction, pow2(-direction_exponent));
         let t_unscale = pow2(direction_exponent - self.scale_exponent);
         let (pad, reach) = self.padding(origin);
-        let clamped = direction.abs().max(Vec3::splat(SMALLEST)).copysign(direction);
-        let slabs = Slabs::new([origin + pad, origin - pad], clamped.recip(), (f64::from(ray.tmin) * t_unscale) as f32);
+        let tmin = if ray.tmin.is_subnormal() { ray.tmin.next_down() } else { ray.tmin };
+        let tmin = (f64::from(tmin) * t_unscale) as f32;
+        // False for NaN, too.
+        let slabs = if reach <= GREATEST_REACH {
+            let clamped = direction.abs().max(Vec3::splat(SMALLEST)).copysign(direction);
+            Slabs::new([origin + pad, origin - pad], clamped.recip(), tmin)
+        } else {
+            // All planes are infinitely far behind or ahead.
+            Slabs::new([Vec3::INFINITY, Vec3::NEG_INFINITY], Vec3::ONE, tmin)
+        };
         Some(LocalRay {
             given: *ray,
             origin,
             direction,
             reach,
-            scale: self.scale,
+            scale_exponent: self.scale_exponent,
             t_scale: pow2(self.scale_exponent - direction_exponent),
             t_unscale,
             slabs,
@@ -120,16 +135,18 @@ impl Frame {
         let low = (self.bounds.min - origin).abs();
         let high = (self.bounds.max - origin).abs();
         let reaches = low.max(high);
-        let reach = reaches.max_element();
+        let reach = reaches.max_element().max(LEAST_REACH);
         // 2⁻⁴¹ is u · 2⁻¹⁷.
         ((reaches * 8.0 + origin.abs() * 4.0 + reach * (1.0 / (1 << 17) as f32)) * U, reach)
     }
 }
 
 impl LocalRay {
-    /// The local distance of a given one. Not exact when it underflows, which the padding covers.
+    /// The local distance that bounds all that are rounded to the given one or less. Not exact when it underflows, which the
+    /// padding covers.
     #[inline]
-    pub(super) fn local_distance(&self, t: f32) -> f32 {
+    pub(super) fn local_limit(&self, t: f32) -> f32 {
+        let t = if t.is_subnormal() { t.next_up() } else { t };
         (f64::from(t) * self.t_unscale) as f32
     }
 }

@@ -2,41 +2,38 @@
 //!
 //! # The filter of [`Robust`]
 //!
-//! [`Robust`] gives the hits of [`Double`] bit for bit: it only rejects, in single precision, triangles whose rejection
-//! by the reference test [`Shear`] is certain, and asks that test about the others. The test rejects a triangle when
-//! one of its edge functions is negative and another positive, so it suffices to bound the error of the same functions
-//! in single precision.
+//! [`Robust`] gives the hits of [`Double`] bit for bit: it only rejects, in single precision, triangles that the line certainly
+//! misses, and asks the test that decides, [`Shear`], about the others. A line misses a triangle where one of the exact edge
+//! functions is negative and another positive, so it suffices to bound the error of the same functions in single precision.
 //!
 //! Let u = 2⁻²⁴, and m the greatest distance along an axis from the origin to the scene's box (so every coordinate
 //! relative to the origin is at most m). Lower-order terms are covered by rounding the factors up.
 //!
-//! * A relative coordinate is off by u·m (one subtraction of exact numbers).
+//! * A relative coordinate is off by u·m (one subtraction; the origin is exact but where it is subnormal, by 2⁻¹⁵⁰).
 //! * A shear factor s has |s| ≤ 1 and is off by u (one division). s·z is off by 3·u·m: from z, from s, from the product.
 //! * A sheared coordinate, the difference, is off by D = u·m + 3·u·m + u·2m ≤ 6.5·u·m, and is at most 2.01·m.
 //! * In an edge function cx·by − cy·bx, let X and Y bound the computed |x| and |y| of the triangle. Errors of the factors
 //!   change it by 2D·(X + Y) + 2D². The two products and the difference round off 4·u·X·Y, and X·Y ≤ (X + Y)²/4 ≤
 //!   1.01·m·(X + Y). Together E ≤ (13 + 4.1)·u·m·(X + Y) + 85·u²·m² < 18·u·m·(X + Y + 5·u·m).
-//! * The reference test's own error is the same expression with 2⁻⁵³ for u, far below the 5% that 18 rounds up.
 //!
-//! So: an edge function below −E is negative in the reference test as well, and one above E positive. Underflow is
-//! harmless as m is kept above 2⁻⁴⁰, where E exceeds 2⁻¹²². Overflow is harmless as the filter is switched off
-//! (E = ∞) for m above 2⁶⁰.
+//! So: an edge function below −E is negative in exact arithmetic as well, and one above E positive. Underflow is harmless as m is
+//! kept above 2⁻⁴⁰, where E exceeds 2⁻¹²². Overflow is harmless as the filter is switched off (E = ∞) for m above 2⁶⁰.
 
 use super::slabs::{LocalRay, U};
 use core::ops::ControlFlow;
 use glam::{Vec3, Vec3A, Vec3Swizzles};
-use rt_core::Triangle;
 use rt_core::intersect::{Intersection, Shear, shear_axes};
+use rt_core::{Hit, Triangle};
 
 /// Tests a ray against triangles.
 pub(super) trait TriangleTest {
-    /// Whether a hit must also pass the box test against the triangle's bounds; see the module above.
-    const GATED: bool;
-
     fn new(ray: &LocalRay) -> Self;
 
-    /// Where the whole line meets the triangle, in given units times [`TriangleTest::t_scale`].
+    /// Whether the whole line meets the triangle, and about where.
     fn intersect(&self, triangle: &Triangle) -> Option<Intersection>;
+
+    /// The hit of an intersection with this `triangle`; `None` outside the inclusive `limits`.
+    fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit>;
 
     /// Calls `meet` with the position of each triangle that the whole line meets, and where, until it breaks.
     #[inline]
@@ -51,9 +48,6 @@ pub(super) trait TriangleTest {
         }
         ControlFlow::Continue(())
     }
-
-    /// Given distances are the intersections' times this.
-    fn t_scale(&self) -> f64;
 
     /// The filter in front of the test, for packets.
     fn filter(&self) -> Option<Filter> {
@@ -75,48 +69,41 @@ pub(super) struct Filter {
     pub(super) floor: f32,
 }
 
-/// The reference test for every triangle.
-pub(super) struct Double {
-    shear: Shear,
-    t_scale: f64,
-}
+/// The test that decides, for every triangle.
+pub(super) struct Double(Shear);
 
 impl TriangleTest for Double {
-    const GATED: bool = true;
-
     #[inline]
     fn new(ray: &LocalRay) -> Self {
-        Self { shear: Shear::new(ray.origin, ray.given.direction), t_scale: ray.scale }
+        Self(Shear::new(&ray.given, ray.scale_exponent, ray.reach.into()))
     }
 
     #[inline]
     fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
-        self.shear.intersect(triangle)
+        self.0.intersect(triangle)
     }
 
     #[inline]
-    fn t_scale(&self) -> f64 {
-        self.t_scale
+    fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
+        self.0.resolve(met, triangle, limits, primitive)
     }
 }
 
-/// The reference test behind a single-precision filter.
+/// The same behind a single-precision filter.
 pub(super) struct Robust {
     exact: Double,
     filter: Filter,
 }
 
-/// Smallest and largest m for which the filter's arithmetic, and that of wide boxes, neither underflows nor overflows.
+/// Smallest m that rays have, and largest, for which the filter's arithmetic, and that of wide boxes, neither underflows nor overflows.
 pub(super) const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
 
 impl TriangleTest for Robust {
-    const GATED: bool = true;
-
     #[inline]
     fn new(ray: &LocalRay) -> Self {
         let direction = ray.given.direction;
         let [x, y, dominant] = shear_axes(direction);
-        let reach = if ray.reach > REACH[0] { ray.reach } else { REACH[0] };
+        let reach = ray.reach;
         let filter = Filter {
             origin: ray.origin,
             dominant,
@@ -147,8 +134,8 @@ impl TriangleTest for Robust {
     }
 
     #[inline]
-    fn t_scale(&self) -> f64 {
-        self.exact.t_scale
+    fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
+        self.exact.resolve(met, triangle, limits, primitive)
     }
 
     #[inline]
@@ -205,8 +192,6 @@ pub(super) struct Fast {
 }
 
 impl TriangleTest for Fast {
-    const GATED: bool = false;
-
     #[inline]
     fn new(ray: &LocalRay) -> Self {
         Self { origin: ray.origin, direction: ray.direction, t_scale: ray.t_scale }
@@ -224,12 +209,12 @@ impl TriangleTest for Fast {
         // False for NaN: a triangle seen edge-on is missed.
         (u >= 0.0 && v >= 0.0 && u + v <= 1.0).then(|| {
             let t = ac.dot(q) * reciprocal;
-            Intersection { t: t.into(), u: u.into(), v: v.into() }
+            Intersection { t: f64::from(t) * self.t_scale, error: 0.0, u: u.into(), v: v.into() }
         })
     }
 
     #[inline]
-    fn t_scale(&self) -> f64 {
-        self.t_scale
+    fn resolve(&self, met: &Intersection, _triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
+        met.rounded(limits, primitive)
     }
 }

@@ -30,17 +30,17 @@ impl Found<'_> {
     fn meet<T: TriangleTest>(&mut self, test: &T, slot: usize, intersection: &Intersection) -> bool {
         let Self { scene, ray, excluded, best, limit } = self;
         let primitive = scene.primitives().get(slot);
-        let Some(hit) = intersection.to_hit(test.t_scale(), ray.given.tmin, ray.given.tmax, primitive) else {
+        if primitive == *excluded {
+            return false;
+        }
+        let tmax = if best.t < ray.given.tmax { best.t } else { ray.given.tmax };
+        let Some(hit) = test.resolve(intersection, &scene.triangles()[slot], [ray.given.tmin, tmax], primitive) else {
             return false;
         };
-        if !hit.is_before(best) || primitive == *excluded {
+        if !hit.is_before(best) {
             return false;
         }
-        let t = ray.local_distance(hit.t);
-        if T::GATED && ray.slabs.enter(&scene.triangles()[slot].bounds(), t).is_none() {
-            return false;
-        }
-        (*best, *limit) = (hit, t);
+        (*best, *limit) = (hit, ray.local_limit(hit.t));
         true
     }
 }
@@ -58,7 +58,7 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
 
     #[inline]
     fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
-        let (test, limit) = (T::new(&ray), ray.local_distance(ray.given.tmax));
+        let (test, limit) = (T::new(&ray), ray.local_limit(ray.given.tmax));
         Self { test, found: Found { scene, ray, excluded, best: Hit::MISS, limit }, counts: TestCounts::default() }
     }
 
@@ -139,7 +139,7 @@ impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
 
     #[inline]
     fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
-        Self { limit: ray.local_distance(ray.given.tmax), ray, counts: TestCounts::default() }
+        Self { limit: ray.local_limit(ray.given.tmax), ray, counts: TestCounts::default() }
     }
 
     #[inline(always)]

@@ -1,7 +1,11 @@
 //! How graphics cards are used.
 
+use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
+use rt_balance::Device;
+use rt_balance::devices::{self, CardOptions, Opened, Opener};
 use rt_balance::vulkan::{Layout, Layouts, Tuning};
+use std::sync::Arc;
 
 /// Choices about graphics cards, none of which changes a hit.
 #[derive(Clone, Copy, Debug, Default, Args)]
@@ -27,21 +31,24 @@ pub(crate) enum LayoutArg {
 }
 
 impl CardArgs {
-    /// The usual choices, but for the layout.
-    pub(crate) fn with_layout(layout: LayoutArg) -> Self {
-        Self { layout, ..Self::default() }
-    }
-
-    /// As backends take it; `None` leaves the choice to them.
-    pub(crate) const fn layouts(self) -> Option<Layouts> {
-        match self.layout {
+    /// As devices are opened with.
+    pub(crate) fn options(self) -> CardOptions {
+        let layouts = match self.layout {
             LayoutArg::Auto => None,
             LayoutArg::Two => Some(Layouts { trace: Layout::Two, count: Layout::Two }),
             LayoutArg::Wide => Some(Layouts { trace: Layout::Wide, count: Layout::Two }),
-        }
+        };
+        CardOptions { layouts, tuning: Tuning { persistent_lanes: self.persistent, ..Tuning::default() } }
     }
 
-    pub(crate) fn tuning(self) -> Tuning {
-        Tuning { persistent_lanes: self.persistent, ..Tuning::default() }
+    /// Opens the devices of `--devices`, to work at the same time.
+    pub(crate) fn open(self, list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
+        let opened = Opener::with_cards(self.options()).open(list.unwrap_or(devices::AUTO)).context("--devices")?;
+        Ok(opened.into_iter().map(|opened| opened.device).collect())
+    }
+
+    /// Opens the devices of `--devices`, to work one after the other.
+    pub(crate) fn open_in_turn(self, list: Option<&str>) -> Result<Vec<Opened>> {
+        Opener::with_cards(self.options()).open_in_turn(list.unwrap_or(devices::AUTO)).context("--devices")
     }
 }

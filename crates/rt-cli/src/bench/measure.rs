@@ -2,10 +2,10 @@
 
 use super::check_interrupt;
 use super::streams::Rays;
-use crate::devices::Named;
 use crate::experiment::in_kernel;
 use anyhow::{Context, Result};
 use rt_balance::clock;
+use rt_balance::devices::Opened;
 use rt_core::{
     DeviceError, Launch, Precision, ReducedWalk, Scene, Span, StreamSpec, Task, TestCounts, Tracer, Traffic, Walk,
     tasks_of,
@@ -29,7 +29,7 @@ pub(crate) const WALKS: [(&str, Walk); 3] = [
 
 /// One device and one scene.
 pub(crate) struct Bench<'a> {
-    pub(crate) named: &'a Named,
+    pub(crate) named: &'a Opened,
     pub(crate) tree: Arc<Scene>,
     pub(crate) precision: Precision,
     pub(crate) repeat: u32,

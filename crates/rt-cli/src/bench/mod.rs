@@ -5,12 +5,11 @@ mod results;
 mod streams;
 
 use crate::args::BenchArgs;
-use crate::devices::{Named, open_named};
-use crate::scene_source::prepare;
 use crate::{interrupt, output};
 use anyhow::{Result, bail};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
+use rt_balance::devices::Opened;
 use std::path::Path;
 use std::sync::Arc;
 use streams::BenchScene;
@@ -30,7 +29,7 @@ const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     interrupt::watch();
-    let devices = open_named(args.devices.as_deref(), &args.cards)?;
+    let devices = args.cards.open_in_turn(args.devices.as_deref())?;
     let scenes = match &args.scenes[..] {
         [] => vec!["yard".to_owned(), "car".to_owned()],
         named => named.to_vec(),
@@ -49,7 +48,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
         print!("{}", results::introduction(repeat));
     }
     for name in &scenes {
-        let prepared = prepare(name, &args.source)?;
+        let prepared = args.source.prepare(name)?;
         let scene = BenchScene::new(&prepared, Path::new(name))?;
         let described = SceneResult {
             source: prepared.model.source.clone(),
@@ -79,7 +78,7 @@ pub(crate) fn run(args: &BenchArgs) -> Result<()> {
     Ok(())
 }
 
-fn rays_of(args: &BenchArgs, named: &Named) -> u32 {
+fn rays_of(args: &BenchArgs, named: &Opened) -> u32 {
     let is_card = named.card.as_ref().is_some_and(|card| !card.software);
     match args.rays {
         Some(rays) => rays,

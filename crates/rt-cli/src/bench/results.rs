@@ -1,8 +1,8 @@
 //! What `bench` tells: tables for people, and JSON with every single measurement (described in docs/bench.md).
 
 use super::measure::{Measured, QUEUED, Samples, WALKS};
-use crate::devices::Named;
 use crate::table::{Table, grouped, percent, seconds};
+use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary, ratios};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -100,7 +100,7 @@ struct Raw {
 }
 
 impl DeviceResult {
-    pub(crate) fn new(named: &Named, scene: SceneResult, measured: Measured) -> Self {
+    pub(crate) fn new(named: &Opened, scene: SceneResult, measured: Measured) -> Self {
         let info = named.device.info();
         let card = named.card.as_ref();
         let device = DeviceDescription {

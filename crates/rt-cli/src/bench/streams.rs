@@ -1,13 +1,13 @@
 //! The rays that are measured: from the camera, to the sun, bounced, and anywhere.
 
 use crate::frame::spawn;
-use crate::scene_source::Prepared;
 use crate::shade::Light;
 use anyhow::{Context, Result};
 use glam::Vec3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_bvh::Stack;
 use rt_core::{CameraRays, Hit, Query, Ray, RaySource, Scene, StreamSpec, morton, random};
+use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Spawned, Spawner};
 use rt_scene::{Model, View, view};
 use std::f32::consts::TAU;
@@ -111,7 +111,6 @@ fn nearest(scene: &Scene, source: &RaySource) -> Vec<Hit> {
 mod tests {
     use super::*;
     use crate::args::SceneArgs;
-    use crate::scene_source::prepare;
 
     #[derive(clap::Parser)]
     struct Arguments {
@@ -123,7 +122,7 @@ mod tests {
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
         let arguments = <Arguments as clap::Parser>::parse_from(["bench"]);
-        let prepared = prepare("car", &arguments.source).unwrap();
+        let prepared = arguments.source.prepare("car").unwrap();
         let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
         let streams = scene.streams(1000, 1).unwrap();
         assert_eq!(

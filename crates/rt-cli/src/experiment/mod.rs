@@ -4,20 +4,17 @@ pub(crate) use rt_report::{Machine, command_line};
 
 use crate::args::SceneArgs;
 use crate::interrupt;
-use crate::scene_source::{Prepared, prepare};
 use anyhow::{Context, Result, bail};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::{CameraRays, Device, Hit, RaySource, Scene, Span, StreamKind, StreamSpec, morton};
 use rt_scene::Model;
+use rt_scene::prepare::Prepared;
 use rt_scene::streams::Spawner;
-use std::path::Path;
 use std::sync::Arc;
 
 /// A scene on devices, ready for repeated measurements.
 pub(crate) struct Subject {
-    /// Short name: the built-in scene's, or the file's without folder and ending.
-    pub(crate) name: String,
     pub(crate) balancer: Balancer,
     prepared: Prepared,
     /// Results are thrown away, but written as in any run.
@@ -27,10 +24,9 @@ pub(crate) struct Subject {
 impl Subject {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(scene: &str, source: &SceneArgs, devices: &[Arc<dyn Device>]) -> Result<Self> {
-        let prepared = prepare(scene, source)?;
+        let prepared = source.prepare(scene)?;
         let balancer = Balancer::new(Arc::clone(&prepared.built.scene), devices)?;
-        let name = Path::new(scene).file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into());
-        Ok(Self { name, balancer, prepared, hits: Vec::new() })
+        Ok(Self { balancer, prepared, hits: Vec::new() })
     }
 
     /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
@@ -50,6 +46,11 @@ impl Subject {
     /// Traces a stream once.
     pub(crate) fn trace(&mut self, stream: &Stream, scheduling: &mut Scheduling) -> Result<StreamRun> {
         trace(&mut self.balancer, stream, scheduling, &mut self.hits)
+    }
+
+    /// Short name.
+    pub(crate) fn name(&self) -> &str {
+        &self.prepared.name
     }
 
     /// The scene with its tree.

@@ -155,7 +155,7 @@ impl Plan<'_> {
             series: (0..CONFIGS.len()).map(|index| series(index, times)).collect(),
         });
         Ok(Panel {
-            scene: subject.name.clone(),
+            scene: subject.name().to_owned(),
             stream: stream.kind.to_string(),
             rays: stream.source.len(),
             sizes: sizes.collect(),

@@ -3,9 +3,9 @@
 mod measure;
 mod write;
 
-use crate::args::Figure1Args;
+use crate::args::{CardArgs, Figure1Args};
 use crate::experiment::{Machine, Subject, command_line};
-use crate::{devices, interrupt, progress};
+use crate::{interrupt, progress};
 use anyhow::{Context, Result, bail, ensure};
 use measure::{Devices, Panel};
 use rt_balance::cpu::CpuDevice;
@@ -113,7 +113,7 @@ pub(crate) fn run(args: &Figure1Args) -> Result<()> {
 /// Real devices where there are enough cores for them, else a replay.
 fn setting(args: &Figure1Args) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
-        let devices = devices::open(Some(list.unwrap_or("cpu:1")))?;
+        let devices = CardArgs::default().open(Some(list.unwrap_or("cpu:1")))?;
         if devices.len() != 1 {
             bail!("--replay measures on one device: name one in --devices, such as cpu:1");
         }
@@ -126,7 +126,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
     let Some(list) = &args.devices else {
         if (PAPER_DEVICES as usize) <= cores {
             let list = vec!["cpu:1"; PAPER_DEVICES as usize].join(",");
-            return Ok(Setting { devices: devices::open(Some(&list))?, replay: None, note: None });
+            return Ok(Setting { devices: CardArgs::default().open(Some(&list))?, replay: None, note: None });
         }
         let note = format!(
             "{PAPER_DEVICES} devices need {PAPER_DEVICES} cores and there are {cores}: {PAPER_DEVICES} virtual devices \
@@ -134,7 +134,7 @@ fn setting(args: &Figure1Args) -> Result<Setting> {
         );
         return Ok(Setting { devices: one(None)?, replay: Some(PAPER_DEVICES as usize), note: Some(note) });
     };
-    let opened = devices::open(Some(list))?;
+    let opened = CardArgs::default().open(Some(list))?;
     let threads: u32 = opened.iter().map(|d| d.info()).filter(|i| i.backend == "cpu").map(|i| i.units).sum();
     if threads as usize <= cores {
         return Ok(Setting { devices: opened, replay: None, note: None });

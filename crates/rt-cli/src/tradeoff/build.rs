@@ -83,12 +83,12 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch) -> Result<Vec<
     for round in stretch.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
-            let options = BuildOptions { builder, invalid: setting.args.source.invalid(), ..BuildOptions::default() };
+            let options = BuildOptions { builder, ..setting.args.source.options().build() };
             let built = rt_bvh::build(mesh, &options).with_context(|| format!("building {scene} by {builder}"))?;
             let build_s = begin.elapsed().as_secs_f64();
             if round == 0 {
                 rows.push(Row {
-                    scene: subject.name.clone(),
+                    scene: subject.name().to_owned(),
                     triangles: model.indices.len(),
                     builder: builder.name(),
                     build_s: Vec::new(),

@@ -8,10 +8,10 @@ mod setting;
 mod streams;
 mod stretch;
 
-use crate::args::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::args::{CardArgs, PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
 use crate::experiment::{Machine, Subject, command_line};
 use crate::html::Page;
-use crate::{devices, interrupt};
+use crate::interrupt;
 use anyhow::{Result, bail};
 use rt_balance::Scheduling;
 use rt_core::Device;
@@ -105,7 +105,7 @@ pub(crate) fn run(args: &TradeoffArgs) -> Result<()> {
 /// The device that is named, or the usual one.
 fn one_device(args: &TradeArgs) -> Result<Arc<dyn Device>> {
     let list = args.devices.as_deref().unwrap_or(DEVICE);
-    let mut devices = devices::open(Some(list))?;
+    let mut devices = CardArgs::default().open(Some(list))?;
     match (devices.pop(), devices.is_empty()) {
         (Some(device), true) => Ok(device),
         _ => {

@@ -1,10 +1,10 @@
 //! The rays that are measured: what a renderer traces, and two kinds that it does not.
 
-use crate::scene_source::Prepared;
 use crate::shade::Light;
 use anyhow::{Context, Result};
 use rt_balance::DEFAULT_TASK_SIZE;
 use rt_core::{Hit, Launch, Query, Ray, RaySource, Scene, StreamSpec, Tracer, Triangle, morton, tasks_of};
+use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Spawner, primary};
 use rt_verify::rays::{Aim, RayMaker};
 use std::time::Duration;

@@ -65,7 +65,7 @@ impl Offload<'_> {
         let bounds = self.scene.bounds();
         // The reach is at least half of it.
         let extent = f64::from(bounds.extent().max_element());
-        if !core::ptr::eq(self.scene, &**rays.surfaces.scene()) || extent < 2.0 * REACH[0] {
+        if !self.normalised || !core::ptr::eq(self.scene, &**rays.surfaces.scene()) || extent < 2.0 * REACH[0] {
             return None;
         }
         let exponents = direction_exponents(self.scene.scale_exponent(), REACH_EXPONENT)?;

@@ -62,9 +62,12 @@ impl Offload<'_> {
     /// The camera of a stream; `None` where the host must prepare the rays.
     #[must_use]
     pub fn camera(&self, rays: &CameraRays) -> Option<KernelCamera> {
+        if !self.normalised {
+            return None;
+        }
         let local = self.frame.localize(&Ray::new(rays.camera.eye(), rays.camera.forward()))?;
         let reach = f64::from(local.reach);
-        let exponents = direction_exponents(exponent_of(local.scale), exponent_of(reach))?;
+        let exponents = direction_exponents(local.scale_exponent, exponent_of(reach))?;
         let raster = rays.raster();
         let counted = rays.samples > 0 && raster.aspect.is_finite() && raster.pixel.iter().all(|side| side.is_finite());
         if !(REACH[0]..=REACH[1]).contains(&reach) || !counted {

@@ -86,7 +86,7 @@ impl<'a> Visitor<'a> for PlaneWalk<'a> {
 
     #[inline]
     fn begin(planes: &'a [LeafPlane], ray: LocalRay, _excluded: u32) -> Self {
-        let [begin, limit] = [ray.given.tmin, ray.given.tmax].map(|t| ray.local_distance(t));
+        let [begin, limit] = [ray.given.tmin, ray.given.tmax].map(|t| ray.local_limit(t));
         Self { planes, limit, begin, length: ray.direction.length(), ray, counts: TestCounts::default() }
     }
 

@@ -199,7 +199,7 @@ impl<'a> Visitor<'a> for StubWalk<'a> {
 
     #[inline]
     fn begin(stubs: &'a [Stub], ray: LocalRay, _excluded: u32) -> Self {
-        let (limit, length) = (ray.local_distance(ray.given.tmax), ray.direction.length());
+        let (limit, length) = (ray.local_limit(ray.given.tmax), ray.direction.length());
         Self { stubs, ray, limit, length, boxes: 0, below: [0.0; 2] }
     }
 

@@ -3,18 +3,17 @@
 use super::{Card, LAYOUTS};
 use crate::experiment::in_kernel;
 use crate::interrupt;
-use crate::scene_source::{Prepared, prepare};
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use crate::tradeoff::stretch::Stretch;
 use anyhow::{Context, Result, bail};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_balance::stats::Summary;
-use rt_bvh::{BuildOptions, Mesh, Stack, WideTree};
+use rt_bvh::{Mesh, Stack, WideTree};
 use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
+use rt_scene::prepare::Prepared;
 use rt_verify::clock;
 use serde::Serialize;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -73,7 +72,7 @@ pub(super) struct Row {
 type Tracers = [Box<dyn Tracer>; 2];
 
 pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> Result<SceneRows> {
-    let prepared = prepare(name, &setting.args.source)?;
+    let prepared = setting.args.source.prepare(name)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -83,7 +82,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> R
     let mut tracers = setting.cards.iter().map(|card| open(card, &scene)).collect::<Result<Vec<_>>>()?;
 
     let mut measured = SceneRows {
-        scene: Path::new(name).file_stem().map_or_else(|| name.to_owned(), |stem| stem.to_string_lossy().into()),
+        scene: prepared.name.clone(),
         triangles: scene.triangles().len(),
         build_s: Vec::new(),
         convert_s: Vec::new(),
@@ -102,7 +101,7 @@ pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch) -> R
     }
     let stretch = stretch.clone().with_steps(measured.rows.len(), setting.repeat + 1);
     for round in stretch.rounds(setting.repeat) {
-        let made = make(&prepared, setting)?;
+        let made = make(&prepared)?;
         if round > 0 {
             measured.build_s.push(made[0]);
             measured.convert_s.push(made[1]);
@@ -131,12 +130,10 @@ fn open(card: &Card, scene: &Arc<rt_core::Scene>) -> Result<Tracers> {
 }
 
 /// Wall seconds of building the two-wide tree, and of making the eight-wide one of it.
-fn make(prepared: &Prepared, setting: &Setting<'_>) -> Result<[f64; 2]> {
-    let source = &setting.args.source;
+fn make(prepared: &Prepared) -> Result<[f64; 2]> {
     let mesh = Mesh { positions: &prepared.model.positions, indices: &prepared.model.indices };
-    let options = BuildOptions { builder: source.builder, invalid: source.invalid(), ..BuildOptions::default() };
     let begin = Instant::now();
-    let built = rt_bvh::build(mesh, &options)?;
+    let built = rt_bvh::build(mesh, &prepared.options.build())?;
     let middle = Instant::now();
     std::hint::black_box(WideTree::new(&built.scene));
     Ok([middle - begin, middle.elapsed()].map(|time| time.as_secs_f64()))

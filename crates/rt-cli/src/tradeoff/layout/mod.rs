@@ -8,15 +8,16 @@ mod measure;
 mod write;
 
 use super::Setting;
-use crate::args::{CardArgs, LayoutArg, TradeArgs};
-use crate::devices::{self, open_named};
+use crate::args::TradeArgs;
 use crate::html::Page;
-use anyhow::Result;
+use anyhow::{Context, Result};
+use rt_balance::devices::{self, CardOptions, Opener};
+use rt_balance::vulkan::{Layout, Layouts};
 use rt_core::Device;
 use std::sync::Arc;
 
 /// The layouts, in the order of rows and of [`Card::devices`]: their names, and how a card is told to trace over them.
-const LAYOUTS: [(&str, LayoutArg); 2] = [("two-wide", LayoutArg::Two), ("eight-wide", LayoutArg::Wide)];
+const LAYOUTS: [(&str, Layout); 2] = [("two-wide", Layout::Two), ("eight-wide", Layout::Wide)];
 
 /// A graphics card, opened once for each of [`LAYOUTS`].
 pub(super) struct Card {
@@ -40,7 +41,10 @@ pub(super) fn cards(list: Option<&str>) -> Result<(Vec<Card>, Vec<String>)> {
     if list.is_empty() {
         return Ok((Vec::new(), vec![no_card(devices::first_software_entry())]));
     }
-    let open = |layout| open_named(Some(&list), &CardArgs::with_layout(layout));
+    let open = |trace| {
+        let layouts = Some(Layouts { trace, count: Layout::Two });
+        Opener::with_cards(CardOptions { layouts, ..CardOptions::default() }).open_in_turn(&list).context("--devices")
+    };
     let [(_, two), (_, wide)] = LAYOUTS;
     let (mut cards, mut left_out) = (Vec::new(), Vec::new());
     for (two, wide) in open(two)?.into_iter().zip(open(wide)?) {

@@ -6,14 +6,14 @@ use super::streams::{Kind, STREAMS, launch, reference, streams};
 use super::stretch::Stretch;
 use crate::args::{CardArgs, PrecisionTradeoffArgs, SceneArgs, TradeArgs};
 use crate::chart::precision::{self as chart, Front, Point};
-use crate::devices::{Named, open_named};
 use crate::html::Page;
-use crate::scene_source::{Prepared, prepare};
 use crate::table::percent;
 use crate::{interrupt, output};
 use anyhow::{Context, Result, bail};
+use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
+use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use rt_verify::clock;
 use serde::Serialize;
@@ -80,13 +80,13 @@ pub(super) fn passes(_: &TradeArgs) -> f64 {
 pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Page) -> Result<()> {
     stretch.label("precision");
     let names = if args.scenes.is_empty() { vec!["yard".to_owned(), "car".to_owned()] } else { args.scenes.clone() };
-    let devices = open_named(Some(&args.backend), &CardArgs::default())?;
+    let devices = CardArgs::default().open_in_turn(Some(&args.backend))?;
     let (size, runs, sample) = args.effort();
     let mut rows = Vec::new();
     for (index, name) in names.iter().enumerate() {
         let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
         let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { prepared: prepare(name, &source)?, size, runs, sample, seed: args.seed, stretch };
+        let bench = Bench { prepared: source.prepare(name)?, size, runs, sample, seed: args.seed, stretch };
         bench.measure(&devices, &mut rows)?;
     }
 
@@ -124,7 +124,7 @@ pub(super) fn run(args: &PrecisionTradeoffArgs, stretch: &Stretch, page: &mut Pa
 }
 
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
-fn notes(rows: &[Row], devices: &[Named]) -> Vec<String> {
+fn notes(rows: &[Row], devices: &[Opened]) -> Vec<String> {
     let least = rows.iter().map(|row| row.mray_s).min_by_key(|mray_s| mray_s.count);
     let runs = least.map(|Summary { count, confidence, .. }| {
         format!(
@@ -151,7 +151,7 @@ struct Bench {
 }
 
 impl Bench {
-    fn measure(&self, devices: &[Named], rows: &mut Vec<Row>) -> Result<()> {
+    fn measure(&self, devices: &[Opened], rows: &mut Vec<Row>) -> Result<()> {
         let model = &self.prepared.model;
         let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
         let scene = Arc::clone(&self.prepared.built.scene);
@@ -226,7 +226,7 @@ impl Bench {
 
     fn row(
         &self,
-        named: &Named,
+        named: &Opened,
         kind: &Kind,
         precision: Precision,
         (timed, accuracy, exact): (&Timed, Accuracy, Sampled),

@@ -129,7 +129,7 @@ impl<'a> Sweep<'a> {
         for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
             for &size in self.task_sizes {
                 let cut = stream.clone().with_task_size(size);
-                cells.push(self.cells(&subject.name, &cut, size, &tries));
+                cells.push(self.cells(&subject.name(), &cut, size, &tries));
             }
         }
         // Rounds are outermost, so that a machine whose speed drifts slows all settings alike.

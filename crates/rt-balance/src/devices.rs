@@ -1,0 +1,285 @@
+//! Devices by name: lists such as `cpu:2,vulkan:0@0.5`, and what `auto` stands for on this machine.
+//!
+//! An entry is `cpu[:threads][@speed]`, and with the features of the same names `vulkan:index[@speed]` and
+//! `wgpu:index[@speed]`. Devices of other backends are opened by their own functions and put beside these.
+
+use crate::cpu::{self, CpuDevice};
+use crate::middleware::Throttled;
+use rt_core::Device;
+use std::error::Error;
+use std::fmt;
+use std::sync::Arc;
+
+#[cfg(feature = "gpu")]
+mod cards;
+
+#[cfg(feature = "gpu")]
+pub use cards::{Api, CardOptions, Found, first_software_entry};
+
+/// The list that stands for whatever this machine has.
+pub const AUTO: &str = "auto";
+
+/// Most threads that a CPU device may be asked for.
+const MOST_THREADS: usize = 4096;
+
+/// One entry of a list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Spec {
+    kind: Kind,
+    speed: f64,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// Number of threads; 0: all cores that are left.
+    Cpu(usize),
+    /// Position in the order of the API's list.
+    #[cfg(feature = "gpu")]
+    Card(Api, usize),
+}
+
+/// A device, and what it was called.
+#[derive(Clone, Debug)]
+pub struct Opened {
+    /// The entry of the list that names it.
+    pub entry: String,
+    /// The device.
+    pub device: Arc<dyn Device>,
+    /// What its driver says of it, if it is a graphics card at its own speed.
+    #[cfg(feature = "gpu")]
+    pub card: Option<rt_gpu::Card>,
+}
+
+/// Opens devices by name.
+#[derive(Debug, Default)]
+pub struct Opener {
+    #[cfg(feature = "gpu")]
+    cards: cards::Cards,
+}
+
+impl Opener {
+    /// An opener that leaves all choices about graphics cards to their backends.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// An opener with choices about graphics cards.
+    #[cfg(feature = "gpu")]
+    #[must_use]
+    pub fn with_cards(options: CardOptions) -> Self {
+        Self { cards: cards::Cards::new(options) }
+    }
+
+    /// Opens the devices of a list that are to work at the same time: CPU devices share the cores.
+    ///
+    /// `auto` opens one device for each core, and every graphics card once; software rasterisers only when named.
+    ///
+    /// # Errors
+    /// When an entry cannot be read, or its device cannot be used.
+    pub fn open(&mut self, list: &str) -> Result<Vec<Opened>, ListError> {
+        let entries = match list {
+            AUTO => std::iter::repeat_n("cpu:1".to_owned(), CpuDevice::cores()).chain(card_entries()).collect(),
+            list => entries(list),
+        };
+        let specs = entries.iter().map(|entry| parse(entry)).collect::<Result<Vec<_>, _>>()?;
+        let threads = |spec: &Spec| match spec.kind {
+            Kind::Cpu(threads) => Some(threads),
+            #[cfg(feature = "gpu")]
+            Kind::Card(..) => None,
+        };
+        let mut cpus = CpuDevice::open_all(&specs.iter().filter_map(threads).collect::<Vec<_>>())?.into_iter();
+        let mut devices = Vec::new();
+        for (entry, Spec { kind, speed }) in entries.into_iter().zip(specs) {
+            let mut opened = match kind {
+                Kind::Cpu(_) => {
+                    let device = cpus.next().expect("one was opened for each entry that names one");
+                    Opened {
+                        entry,
+                        device: Arc::new(device),
+                        #[cfg(feature = "gpu")]
+                        card: None,
+                    }
+                }
+                #[cfg(feature = "gpu")]
+                Kind::Card(api, index) => self.cards.open(entry, api, index)?,
+            };
+            if let Some(slowed) = (speed < 1.0).then(|| Throttled::new(Arc::clone(&opened.device), speed)).flatten() {
+                opened.device = Arc::new(slowed);
+                #[cfg(feature = "gpu")]
+                opened.card.take();
+            }
+            devices.push(opened);
+        }
+        Ok(devices)
+    }
+
+    /// Opens the devices of a list that are to work one after the other: each CPU device has all cores to itself.
+    ///
+    /// `auto` opens all cores as one device, and every graphics card once; software rasterisers only when named.
+    ///
+    /// # Errors
+    /// When an entry cannot be read, or its device cannot be used.
+    pub fn open_in_turn(&mut self, list: &str) -> Result<Vec<Opened>, ListError> {
+        let entries = match list {
+            AUTO => std::iter::once("cpu".to_owned()).chain(card_entries()).collect(),
+            list => entries(list),
+        };
+        let mut devices = Vec::new();
+        for entry in entries {
+            devices.extend(self.open(&entry)?);
+        }
+        Ok(devices)
+    }
+}
+
+fn entries(list: &str) -> Vec<String> {
+    list.split(',').map(|entry| entry.trim().to_owned()).collect()
+}
+
+/// Entries for every graphics card of this machine once; software rasterisers are used only when named.
+#[cfg(feature = "gpu")]
+#[must_use]
+pub fn card_entries() -> Vec<String> {
+    cards::entries()
+}
+
+/// A build without graphics cards has none.
+#[cfg(not(feature = "gpu"))]
+fn card_entries() -> Vec<String> {
+    Vec::new()
+}
+
+fn parse(entry: &str) -> Result<Spec, ListError> {
+    let error = |reason| ListError { entry: entry.to_owned(), reason };
+    let (device, speed) = match entry.split_once('@') {
+        Some((device, speed)) => (device, speed.parse::<f64>().ok().filter(|s| *s > 0.0 && *s <= 1.0)),
+        None => (entry, Some(1.0)),
+    };
+    let speed = speed.ok_or_else(|| error(Reason::Speed))?;
+    let (backend, number) = match device.split_once(':') {
+        Some((backend, number)) => (backend, Some(number)),
+        None => (device, None),
+    };
+    let number = number.map(str::parse::<usize>);
+    let kind = match (backend, number) {
+        ("cpu", None) => Kind::Cpu(0),
+        ("cpu", Some(Ok(threads @ 1..=MOST_THREADS))) => Kind::Cpu(threads),
+        ("cpu", _) => return Err(error(Reason::Threads)),
+        #[cfg(feature = "gpu")]
+        (name, number) => match (Api::ALL.iter().copied().find(|api| api.name() == name), number) {
+            (Some(api), Some(Ok(index))) => Kind::Card(api, index),
+            (Some(api), _) => return Err(error(Reason::Index(api.name()))),
+            (None, _) => return Err(error(Reason::Backend)),
+        },
+        #[cfg(not(feature = "gpu"))]
+        _ => return Err(error(Reason::Backend)),
+    };
+    Ok(Spec { kind, speed })
+}
+
+/// Why the devices of a list cannot be opened.
+#[derive(Debug)]
+pub struct ListError {
+    entry: String,
+    reason: Reason,
+}
+
+#[derive(Debug)]
+enum Reason {
+    Speed,
+    Threads,
+    /// The name of an API whose device has no number, or none that can be read.
+    #[cfg(feature = "gpu")]
+    Index(&'static str),
+    Backend,
+    /// The API cannot be used at all, and why.
+    #[cfg(feature = "gpu")]
+    Api(String),
+    /// The API has fewer devices.
+    #[cfg(feature = "gpu")]
+    Missing,
+    /// The device is there and cannot be used, and why.
+    #[cfg(feature = "gpu")]
+    Refused(String),
+    Cpu(cpu::OpenError),
+}
+
+impl From<cpu::OpenError> for ListError {
+    fn from(error: cpu::OpenError) -> Self {
+        Self { entry: "cpu".to_owned(), reason: Reason::Cpu(error) }
+    }
+}
+
+impl fmt::Display for ListError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let entry = &self.entry;
+        match &self.reason {
+            Reason::Speed => {
+                write!(f, "the speed in `{entry}` must be a number above 0 and at most 1, such as cpu:1@0.5")
+            }
+            Reason::Threads => write!(
+                f,
+                "the thread count in `{entry}` must be a whole number from 1 to {MOST_THREADS}, such as cpu:2"
+            ),
+            #[cfg(feature = "gpu")]
+            Reason::Index(api) => write!(f, "`{entry}` needs a device's number, such as {api}:0"),
+            Reason::Backend => {
+                write!(f, "`{entry}` names no backend of this build; there are: cpu (cpu:THREADS)")?;
+                #[cfg(feature = "gpu")]
+                Api::ALL.iter().map(|api| api.name()).try_for_each(|name| write!(f, ", {name} ({name}:N)"))?;
+                Ok(())
+            }
+            #[cfg(feature = "gpu")]
+            Reason::Api(why) => f.write_str(why),
+            #[cfg(feature = "gpu")]
+            Reason::Missing => write!(f, "there is no {entry}; `raybalance devices` lists what there is"),
+            #[cfg(feature = "gpu")]
+            Reason::Refused(why) => write!(f, "{entry} cannot be used: {why}"),
+            Reason::Cpu(error) => error.fmt(f),
+        }
+    }
+}
+
+impl Error for ListError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match &self.reason {
+            Reason::Cpu(error) => error.source(),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_are_parsed_or_explained() {
+        assert_eq!(parse("cpu").unwrap(), Spec { kind: Kind::Cpu(0), speed: 1.0 });
+        assert_eq!(parse("cpu:3@0.5").unwrap(), Spec { kind: Kind::Cpu(3), speed: 0.5 });
+        for bad in [
+            "", "gpu", "cpu:0", "cpu:x", "cpu:1@0", "cpu:1@2", "cpu:1@", "cpu:-1", "vulkan", "vulkan:x", "wgpu",
+            "wgpu:-1",
+        ] {
+            let message = parse(bad).unwrap_err().to_string();
+            assert!(message.contains(&format!("`{bad}`")), "{message}");
+        }
+    }
+
+    /// Mutant: entries read as they stand, with the blanks around them.
+    #[test]
+    fn a_list_is_opened_in_its_order() {
+        let opened = Opener::new().open("cpu:1, cpu:1@0.5").unwrap();
+        assert_eq!(opened.iter().map(|o| o.entry.as_str()).collect::<Vec<_>>(), ["cpu:1", "cpu:1@0.5"]);
+        assert!(!opened[0].device.info().name.contains("speed") && opened[1].device.info().name.contains("speed 0.5"));
+        assert_eq!(Opener::new().open_in_turn("cpu:1,cpu:1").unwrap().len(), 2);
+    }
+
+    #[cfg(all(feature = "vulkan", feature = "wgpu"))]
+    #[test]
+    fn cards_are_named_by_api_and_number() {
+        assert_eq!(parse("vulkan:2").unwrap(), Spec { kind: Kind::Card(Api::Vulkan, 2), speed: 1.0 });
+        assert_eq!(parse("wgpu:1@0.5").unwrap(), Spec { kind: Kind::Card(Api::Wgpu, 1), speed: 0.5 });
+    }
+}

@@ -1,0 +1,223 @@
+//! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
+
+use crate::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
+use crate::scan::{Plan, Scan};
+use crate::{Model, View, builtin, scenes, view};
+use rt_bvh::{BuildError, BuildOptions, Builder, Built, InvalidTriangles, Mesh, Stack};
+use rt_core::{Hit, Precision, Ray, Scene, StreamSpec};
+use std::error::Error;
+use std::fmt;
+use std::path::Path;
+use std::time::Instant;
+
+/// How a scene is prepared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Options {
+    /// What builds the tree.
+    pub builder: Builder,
+    /// What to do with triangles that are not finite.
+    pub invalid: InvalidTriangles,
+    /// How triangles are to be tested; `None`: as the scan of the scene proposes.
+    pub precision: Option<Precision>,
+}
+
+impl Options {
+    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the precision.
+    #[must_use]
+    pub const fn new(builder: Builder) -> Self {
+        Self { builder, invalid: InvalidTriangles::Refuse, precision: None }
+    }
+
+    /// How trees are built.
+    #[must_use]
+    pub fn build(&self) -> BuildOptions {
+        BuildOptions { builder: self.builder, invalid: self.invalid, ..BuildOptions::default() }
+    }
+}
+
+/// A scene that is ready to be traced, and how long that took.
+#[derive(Debug)]
+pub struct Prepared {
+    /// Short name: the built-in scene's, or the file's without folder and ending.
+    pub name: String,
+    /// The triangles.
+    pub model: Model,
+    /// The scene with its tree.
+    pub built: Built,
+    /// What the scan of the scene found and proposes.
+    pub plan: Plan,
+    /// The precision asked for, or the plan's.
+    pub precision: Precision,
+    /// How it was prepared.
+    pub options: Options,
+    /// What the user should know of the file, one sentence each.
+    pub warnings: Vec<String>,
+    /// Seconds of loading or generating, and of the scan.
+    pub load_s: f64,
+    /// Seconds of building the tree.
+    pub build_s: f64,
+}
+
+impl Prepared {
+    /// The model's own view, else one that shows all of it: from outside, or from inside where it is a room.
+    #[must_use]
+    pub fn view(&self) -> View {
+        let scene: &Scene = &self.built.scene;
+        let automatic = || {
+            let mut stack = Stack::for_scene(scene);
+            let mut probe = |ray: &Ray| {
+                let mut nearest = Hit::MISS;
+                let rays = std::iter::once((*ray, Hit::MISS.primitive));
+                rt_bvh::trace(scene, &mut stack, StreamSpec::default(), rays, |hit, _| nearest = hit);
+                nearest
+            };
+            let outside = view::auto_view(&self.model);
+            view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
+        };
+        self.model.view.unwrap_or_else(automatic)
+    }
+}
+
+/// Loads or generates the scene, scans it and builds its tree; `progress` is told how far a file is loaded.
+///
+/// # Errors
+/// When there is no such scene, its file cannot be loaded or its tree not be built.
+pub fn prepare(
+    scene: &str,
+    options: &Options,
+    progress: &mut dyn FnMut(LoadProgress),
+) -> Result<Prepared, PrepareError> {
+    let start = Instant::now();
+    let Named { name, model, warnings } = load(scene, options.invalid, progress)?;
+    let mut plan = Plan::new(&Scan::new(&model));
+    let load_s = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let mesh = Mesh { positions: &model.positions, indices: &model.indices };
+    let built = rt_bvh::build(mesh, &options.build())
+        .map_err(|source| PrepareError::Build { scene: model.source.clone(), source })?;
+    plan.complete(&built.scene);
+    let build_s = start.elapsed().as_secs_f64();
+
+    let precision = options.precision.unwrap_or(plan.precision);
+    Ok(Prepared { name, model, built, plan, precision, options: *options, warnings, load_s, build_s })
+}
+
+/// A scene's triangles, and what it is called.
+#[derive(Debug)]
+pub struct Named {
+    /// Short name: the built-in scene's, or the file's without folder and ending.
+    pub name: String,
+    /// The triangles.
+    pub model: Model,
+    /// What the user should know of the file, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Generates the built-in scene called `name`, if there is one.
+#[must_use]
+pub fn generate(name: &str) -> Option<Model> {
+    match scenes::find(name)?.name {
+        "yard" => Some(builtin::yard()),
+        "car" => Some(builtin::car()),
+        _ => None,
+    }
+}
+
+/// Generates or loads a scene; `progress` is told how far a file is loaded.
+///
+/// # Errors
+/// When there is no such scene, or its file cannot be loaded.
+pub fn load(
+    scene: &str,
+    invalid: InvalidTriangles,
+    progress: &mut dyn FnMut(LoadProgress),
+) -> Result<Named, PrepareError> {
+    let path = Path::new(scene);
+    let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
+    if let Some(model) = generate(scene) {
+        return Ok(Named { name, model, warnings: Vec::new() });
+    }
+    if !path.exists() && path.extension().is_none() {
+        return Err(PrepareError::Unknown { scene: scene.to_owned() });
+    }
+    let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
+    let loaded = load_obj(path, &options, progress).map_err(PrepareError::Load)?;
+    let mut warnings = loaded.warnings;
+    if loaded.invalid_triangles > 0 {
+        warnings.push(format!(
+            "{scene}: {} triangles with {} invalid vertices are left out",
+            loaded.invalid_triangles, loaded.invalid_vertices
+        ));
+    }
+    Ok(Named { name, model: loaded.model, warnings })
+}
+
+/// Why a scene cannot be traced.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum PrepareError {
+    /// It is neither a file nor a built-in scene.
+    Unknown {
+        /// What was asked for.
+        scene: String,
+    },
+    /// The file cannot be loaded.
+    Load(LoadError),
+    /// The tree cannot be built.
+    Build {
+        /// Where the triangles come from.
+        scene: String,
+        /// Why.
+        source: BuildError,
+    },
+}
+
+impl fmt::Display for PrepareError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unknown { scene } => {
+                let names: Vec<&str> = scenes::SCENES.iter().map(|entry| entry.name).collect();
+                write!(f, "`{scene}` is neither a file nor a built-in scene; built-in are: {}", names.join(", "))
+            }
+            Self::Load(error) => error.fmt(f),
+            Self::Build { scene, .. } => write!(f, "building the tree of {scene}"),
+        }
+    }
+}
+
+impl Error for PrepareError {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        match self {
+            Self::Build { source, .. } => Some(source),
+            // The message of a load error says all that its cause does.
+            Self::Unknown { .. } | Self::Load(_) => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn prepared(scene: &str) -> Result<Prepared, PrepareError> {
+        prepare(scene, &Options::new(Builder::Sah), &mut |_| {})
+    }
+
+    /// Mutants: `Load` without its message; the precision of the plan instead of the one asked for.
+    #[test]
+    fn scenes_are_prepared_or_refused_with_what_there_is() {
+        let car = prepared("car").unwrap();
+        assert_eq!(car.name, "car");
+        assert!(!car.built.scene.triangles().is_empty() && car.view().camera().is_ok());
+        let fast = Options { precision: Some(Precision::Fast), ..Options::new(Builder::Sah) };
+        assert_eq!(prepare("car", &fast, &mut |_| {}).unwrap().precision, Precision::Fast);
+        assert!(prepared("cat").unwrap_err().to_string().contains("built-in are: yard, car"));
+        assert!(prepared("missing.obj").unwrap_err().to_string().contains("missing.obj"));
+    }
+
+    #[test]
+    fn every_listed_scene_can_be_generated() {
+        assert!(scenes::SCENES.iter().all(|entry| generate(entry.name).is_some()));
+    }
+}
