@@ -162,7 +162,7 @@ fn packets(mesh: &Mesh, source: &RaySource) -> Run {
             let ray = if index < source.len() { given(source, index) } else { nothing };
             put(&mut packet.ray, slot as usize, &ray);
         }
-        mesh.closest_16(&mut packet);
+        mesh.closest_16(&mut packet, RTCRayQueryFlags::INCOHERENT);
         hits += packet.hit.geomID.iter().filter(|id| **id != RTC_INVALID_GEOMETRY_ID).count();
     }
     Run { seconds: begin.elapsed().as_secs_f64(), hits }

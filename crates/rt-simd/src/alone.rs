@@ -6,7 +6,6 @@
 
 use crate::rays::Frame;
 use crate::triangles::{reference, triangle};
-use alloc::vec::Vec;
 use glam::DVec3;
 use rt_bvh::{BlockChild, BlockTree};
 use rt_core::scale::pow2;

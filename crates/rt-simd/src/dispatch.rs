@@ -5,9 +5,9 @@
 )]
 
 use crate::isa::Found;
+use crate::lanes::{LANES, Level};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{avx2::Avx2, avx512::Avx512};
-use crate::lanes::{LANES, Level};
 use crate::packet::{Packet, RAYS};
 use crate::rays::Frame;
 use rt_bvh::BlockTree;

@@ -4,9 +4,8 @@
 //! outermost of their padded origins, rounding being monotone, each bound below is on the far side of what (p − o′)·r is for any of
 //! them, bit for bit: what one ray enters, the frustum enters.
 
-use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, Level, Slots as _};
+use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, Level};
 use crate::rays::{Group, Set};
-use crate::stack::Stack;
 use rt_bvh::BlockNode;
 
 /// Bounds of the rays of a packet that are in one octant.
@@ -69,7 +68,11 @@ impl Frustum {
 
     /// Which children of a node rays may enter, and at which distances at least: those to be visited last come first.
     #[inline(always)]
-    pub(crate) fn enter<L: Level>(&self, level: L, node: &BlockNode) -> (L::F8, <L::F8 as crate::lanes::Floats8>::Slots, usize) {
+    pub(crate) fn enter<L: Level>(
+        &self,
+        level: L,
+        node: &BlockNode,
+    ) -> (L::F8, <L::F8 as crate::lanes::Floats8>::Slots, usize) {
         let near = self.nearest(level, node, 0).greater(self.nearest(level, node, 1));
         let near = near.greater(self.nearest(level, node, 2).greater(level.splat8(self.begin)));
         let far = self.farthest(level, node, 0).lesser(self.farthest(level, node, 1));

@@ -11,7 +11,7 @@
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
 use crate::frustum::Frustum;
-use crate::lanes::{Floats as _, Floats16 as _, Floats8 as _, LANES, Level, Slots as _};
+use crate::lanes::{Floats as _, Floats8 as _, Floats16, LANES, Level, Slots as _};
 use crate::rays::{Frame, Group, Set};
 use crate::single;
 use crate::stack::Stack;
@@ -40,7 +40,14 @@ impl Packet {
     /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left to enter a
     /// node, they go on alone. The nearest hits, or with `ANY` whichever are found first, are in the groups.
     #[inline(always)]
-    pub(crate) fn trace<L: Level, const ANY: bool>(&mut self, level: L, tree: &BlockTree, frame: &Frame, rays: &[Ray], few: u32) {
+    pub(crate) fn trace<L: Level, const ANY: bool>(
+        &mut self,
+        level: L,
+        tree: &BlockTree,
+        frame: &Frame,
+        rays: &[Ray],
+        few: u32,
+    ) {
         let Self { groups, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
         for octant in 0..8 {
@@ -51,8 +58,9 @@ impl Packet {
             if open == [0; GROUPS] {
                 continue;
             }
+            let frustum = Frustum::around(level, groups, &open, octant);
             let mut walk = Walk { tree, frame, rays, few, groups, open, octant };
-            walk.run::<L, ANY>(level, stack);
+            walk.run::<L, ANY>(level, frustum, stack);
         }
     }
 }
@@ -72,8 +80,7 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     #[inline(always)]
-    fn run<L: Level, const ANY: bool>(&mut self, level: L, stack: &mut Stack) {
-        let mut frustum = Frustum::around(level, self.groups, &self.open, self.octant);
+    fn run<L: Level, const ANY: bool>(&mut self, level: L, mut frustum: Frustum, stack: &mut Stack) {
         stack.cut(0);
         stack.push(frustum.begin(), 0, self.all());
         while stack.len() > 0 {
@@ -115,28 +122,43 @@ impl Walk<'_> {
         let (mut entries, mut numbers) = ([0.0; 8], [0; 8]);
         near.store(&mut entries);
         slots.store(&mut numbers);
-        for (&entry, &slot) in entries.iter().zip(&numbers).take(count) {
-            let slot = slot as usize & 7;
-            let mut entered = 0;
-            for (i, group) in self.groups.iter().enumerate() {
-                let some = (rays >> (LANES * i)) as Set;
-                if some != 0 {
-                    let planes = |axis: usize| [node.planes()[axis][0][slot], node.planes()[axis][1][slot]];
-                    let some = some & enter(level, group, self.octant, [planes(0), planes(1), planes(2)]);
-                    entered |= u64::from(some) << (LANES * i);
+        let mut entered = [0; 8];
+        let planes = self.planes(node.planes());
+        for (i, group) in self.groups.iter().enumerate() {
+            let some = (rays >> (LANES * i)) as Set;
+            if some != 0 {
+                let slabs = Slabs::of(level, group, self.octant);
+                for (&slot, entered) in numbers.iter().zip(&mut entered).take(count) {
+                    let slot = slot as usize & 7;
+                    let plane = |axis: usize, side: usize| planes[axis][side][slot];
+                    let near = [plane(0, 0), plane(1, 0), plane(2, 0)];
+                    let far = [plane(0, 1), plane(1, 1), plane(2, 1)];
+                    *entered |= u64::from(some & slabs.enter(level, near, far)) << (LANES * i);
                 }
             }
-            if entered != 0 {
-                stack.push(entry, node.children()[slot], entered);
-            }
         }
+        for j in 0..count {
+            let child = node.children()[numbers[j & 7] as usize & 7];
+            stack.push_if(entered[j & 7] != 0, entries[j & 7], child, entered[j & 7]);
+        }
+    }
+
+    /// By axis, what belongs to the planes through which the rays enter a box, and to those through which they leave it.
+    #[inline(always)]
+    fn planes<'p, T>(&self, [x, y, z]: &'p [[T; 2]; 3]) -> [[&'p T; 2]; 3] {
+        let pair = |axis: usize, planes: &'p [T; 2]| {
+            let enter = self.octant >> axis & 1;
+            [&planes[enter], &planes[enter ^ 1]]
+        };
+        [pair(0, x), pair(1, y), pair(2, z)]
     }
 
     /// Tests the triangles of a block; whether limits have come down.
     #[inline(always)]
     fn block<L: Level, const ANY: bool>(&mut self, level: L, block: &Block, count: u32, rays: u64) -> bool {
-        let bounds = |axis: usize| [block.axes[axis].low, block.axes[axis].high];
-        let planes = [bounds(0), bounds(1), bounds(2)];
+        let bounds = [block.axes[0].bounds, block.axes[1].bounds, block.axes[2].bounds];
+        let [x, y, z] = self.planes(&bounds);
+        let (near, far) = ([*x[0], *y[0], *z[0]], [*x[1], *y[1], *z[1]]);
         let mut shorter = false;
         for (i, (group, given)) in self.groups.iter_mut().zip(self.rays.chunks(LANES)).enumerate() {
             let some = (rays >> (LANES * i)) as Set;
@@ -144,7 +166,11 @@ impl Walk<'_> {
                 continue;
             }
             // Again: limits may have come down since.
-            let some = some & enter(level, group, self.octant, planes);
+            let some = if ANY {
+                some & self.open[i]
+            } else {
+                some & Slabs::of(level, group, self.octant).enter(level, near, far)
+            };
             if some == 0 {
                 continue;
             }
@@ -156,9 +182,6 @@ impl Walk<'_> {
                 let mut open = [0; 4];
                 for (lane, open) in open.iter_mut().enumerate().take(count as usize) {
                     *open = may_hit(level, group, block, lane, axes, some);
-                }
-                if open == [0; 4] {
-                    continue;
                 }
                 for (lane, &open) in open.iter().enumerate().take(count as usize) {
                     let open = if ANY { open & self.open[i] } else { open };
@@ -195,19 +218,45 @@ impl Walk<'_> {
     }
 }
 
-/// The rays of a group, all of one octant, that enter a box: its lower and upper plane by axis.
-#[inline(always)]
-fn enter<L: Level>(level: L, group: &Group, octant: usize, planes: [[f32; 2]; 3]) -> Set {
-    let near = distance(level, group, octant, planes, 0, 0).greater(distance(level, group, octant, planes, 1, 0));
-    let near = near.greater(distance(level, group, octant, planes, 2, 0).greater(level.load(&group.begin)));
-    let far = distance(level, group, octant, planes, 0, 1).lesser(distance(level, group, octant, planes, 1, 1));
-    let far = far.lesser(distance(level, group, octant, planes, 2, 1).lesser(level.load(&group.limit)));
-    near.not_above(far)
+/// What box tests know of the rays of a group that are in one octant.
+struct Slabs<F> {
+    reciprocal: [F; 3],
+    /// Padded origins times reciprocals, for the planes through which the rays enter, and leave.
+    near: [F; 3],
+    far: [F; 3],
+    begin: F,
+    limit: F,
 }
 
-/// Distances to the planes through which rays enter along an axis, or leave.
-#[inline(always)]
-fn distance<L: Level>(level: L, group: &Group, octant: usize, planes: [[f32; 2]; 3], axis: usize, leave: usize) -> L::F16 {
-    let side = (octant >> axis ^ leave) & 1;
-    level.splat(planes[axis][side]).mul_sub(level.load(&group.reciprocal[axis]), level.load(&group.offset[axis][side]))
+impl<F: Floats16> Slabs<F> {
+    #[inline(always)]
+    fn of<L: Level<F16 = F>>(level: L, group: &Group, octant: usize) -> Self {
+        let offset = |axis: usize, leave: usize| &group.offset[axis][(octant >> axis ^ leave) & 1];
+        Self {
+            reciprocal: [
+                level.load(&group.reciprocal[0]),
+                level.load(&group.reciprocal[1]),
+                level.load(&group.reciprocal[2]),
+            ],
+            near: [level.load(offset(0, 0)), level.load(offset(1, 0)), level.load(offset(2, 0))],
+            far: [level.load(offset(0, 1)), level.load(offset(1, 1)), level.load(offset(2, 1))],
+            begin: level.load(&group.begin),
+            limit: level.load(&group.limit),
+        }
+    }
+
+    /// The rays that enter a box, given its planes by axis.
+    #[inline(always)]
+    fn enter<L: Level<F16 = F>>(&self, level: L, near: [f32; 3], far: [f32; 3]) -> Set {
+        let Self { reciprocal, near: n, far: f, begin, limit } = self;
+        let enter = level
+            .splat(near[0])
+            .mul_sub(reciprocal[0], n[0])
+            .greater(level.splat(near[1]).mul_sub(reciprocal[1], n[1]));
+        let enter = enter.greater(level.splat(near[2]).mul_sub(reciprocal[2], n[2]).greater(*begin));
+        let leave =
+            level.splat(far[0]).mul_sub(reciprocal[0], f[0]).lesser(level.splat(far[1]).mul_sub(reciprocal[1], f[1]));
+        let leave = leave.lesser(level.splat(far[2]).mul_sub(reciprocal[2], f[2]).lesser(*limit));
+        enter.not_above(leave)
+    }
 }

@@ -32,7 +32,7 @@
 //!
 //! So boxes are entered by every ray that has a hit in them which is not behind its limit: hits do not depend on the tree.
 
-use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, Doubles8 as _, LANES, Lanes, Level, WideLanes};
+use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, WideLanes};
 use glam::Vec3;
 use rt_bvh::BlockTree;
 use rt_core::scale::pow2;
@@ -179,8 +179,7 @@ impl Group {
         let largest = size[0].greater(size[1]).greater(size[2]);
         let finite = |x: L::F16| x.below(level.splat(f32::INFINITY));
         let mut valid = level.splat(0.0).below(largest) & tmin.not_above(tmax);
-        let mut ordinary =
-            level.splat(DIRECTION[0]).not_above(largest) & largest.not_above(level.splat(DIRECTION[1]));
+        let mut ordinary = level.splat(DIRECTION[0]).not_above(largest) & largest.not_above(level.splat(DIRECTION[1]));
 
         let power = largest.power_below();
         let unpower = power.reciprocal_of_power();
@@ -224,11 +223,8 @@ impl Group {
         let x = size[1].not_above(size[0]) & size[2].not_above(size[0]);
         let y = !x & size[2].not_above(size[1]);
         self.dominant = [x, y, !x & !y];
-        let sheared = [
-            dy.or_else(x, dz.or_else(y, dx)),
-            dz.or_else(x, dx.or_else(y, dy)),
-            dx.or_else(x, dy.or_else(y, dz)),
-        ];
+        let sheared =
+            [dy.or_else(x, dz.or_else(y, dx)), dz.or_else(x, dx.or_else(y, dy)), dx.or_else(x, dy.or_else(y, dz))];
         (sheared[0] / sheared[2]).store(&mut self.shear[0]);
         (sheared[1] / sheared[2]).store(&mut self.shear[1]);
         (reach * level.splat(18.0 * U)).store(&mut self.error);

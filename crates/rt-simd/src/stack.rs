@@ -1,7 +1,5 @@
 //! What is left to visit.
 
-use alloc::boxed::Box;
-
 /// Most entries: seven for each node of a path but the last, and eight for that; the deepest two-wide tree has 128 levels, and a
 /// leaf of as many triangles as there can be adds eleven to an eight-wide one.
 const ENTRIES: usize = 1024;
@@ -44,6 +42,14 @@ impl Stack {
         let top = self.used & (ENTRIES - 1);
         (self.entries[top], self.children[top], self.rays[top]) = (entry, child, rays);
         self.used = top + 1;
+    }
+
+    /// The same on a condition, without a branch.
+    #[inline(always)]
+    pub(crate) fn push_if(&mut self, condition: bool, entry: f32, child: u32, rays: u64) {
+        let top = self.used & (ENTRIES - 1);
+        (self.entries[top], self.children[top], self.rays[top]) = (entry, child, rays);
+        self.used = top + usize::from(condition);
     }
 
     #[inline(always)]

@@ -25,12 +25,16 @@ pub(crate) const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
 /// The rays of `rays`, whose dominant axis is `axes[2]`, that may hit the triangle in a lane of a block.
 #[inline(always)]
-pub(crate) fn may_hit<L: Level>(level: L, group: &Group, block: &Block, lane: usize, axes: [usize; 3], rays: Set) -> Set {
-    let origin = [
-        level.load(&group.origin[axes[0]]),
-        level.load(&group.origin[axes[1]]),
-        level.load(&group.origin[axes[2]]),
-    ];
+pub(crate) fn may_hit<L: Level>(
+    level: L,
+    group: &Group,
+    block: &Block,
+    lane: usize,
+    axes: [usize; 3],
+    rays: Set,
+) -> Set {
+    let origin =
+        [level.load(&group.origin[axes[0]]), level.load(&group.origin[axes[1]]), level.load(&group.origin[axes[2]])];
     let shear = [level.load(&group.shear[0]), level.load(&group.shear[1])];
     let (x, y, z) = (&block.axes[axes[0]], &block.axes[axes[1]], &block.axes[axes[2]]);
     let [ax, ay] = sheared(level, origin, shear, x.a[lane], y.a[lane], z.a[lane]);
@@ -50,10 +54,7 @@ pub(crate) fn may_hit<L: Level>(level: L, group: &Group, block: &Block, lane: us
 #[inline(always)]
 fn sheared<L: Level>(level: L, origin: [L::F16; 3], shear: [L::F16; 2], x: f32, y: f32, z: f32) -> [L::F16; 2] {
     let depth = level.splat(z) - origin[2];
-    [
-        depth.neg_mul_add(shear[0], level.splat(x) - origin[0]),
-        depth.neg_mul_add(shear[1], level.splat(y) - origin[1]),
-    ]
+    [depth.neg_mul_add(shear[0], level.splat(x) - origin[0]), depth.neg_mul_add(shear[1], level.splat(y) - origin[1])]
 }
 
 /// Tests rays of a group, whose dominant axis is `axes[2]`, against the triangle in a lane of a block. Returns those for which it
@@ -73,7 +74,8 @@ pub(crate) fn confirm<L: Level>(
     for half in 0..2 {
         let some = (rays >> (8 * half)) as u8;
         if some != 0 {
-            improved |= Set::from(confirm_half(level, frame, group, given, (block, lane, id), axes, half, some)) << (8 * half);
+            improved |=
+                Set::from(confirm_half(level, frame, group, given, (block, lane, id), axes, half, some)) << (8 * half);
         }
     }
     improved
@@ -92,6 +94,9 @@ fn confirm_half<L: Level>(
     rays: u8,
 ) -> u8 {
     let rays = rays & !level.load8(group.excluded.half(half)).same_bits(id);
+    if rays == 0 {
+        return 0;
+    }
     let origin = [
         level.load_wide(group.exact_origin[axes[0]].half(half)),
         level.load_wide(group.exact_origin[axes[1]].half(half)),
@@ -111,39 +116,41 @@ fn confirm_half<L: Level>(
     let zero = level.splat_wide(0.0);
     let reach = depth + level.splat_wide(0.5) * size;
     let error = level.splat_wide(ERROR) * reach * (size + level.splat_wide(5.0 * EPSILON) * reach);
-    let (negative, positive) = (least.below(zero - error), error.below(greatest));
-    let open = rays & !(negative & positive);
+    let open = rays & !error.below((zero - least).lesser(greatest));
     if open == 0 {
         return 0;
     }
+    // All of one sign, and a determinant that is beyond `CLEAR` times the error.
     let determinant = u + v + w;
-    let one_sign = error.below(least) | greatest.below(zero - error);
-    let certain = one_sign & !determinant.abs().not_above(level.splat_wide(CLEAR) * error);
+    let margin = least.greater(zero - greatest).lesser(determinant.abs() * level.splat_wide(1.0 / CLEAR));
+    let certain = error.below(margin);
 
     let scale = level.load_wide(group.factors[2].half(half));
-    let t = (u * az + v * bz + w * cz) / determinant * scale;
-    let spread = az.greater(bz).greater(cz) - az.lesser(bz).lesser(cz);
-    let error = level.splat_wide(4.0) * error / determinant.abs() * spread + level.splat_wide(12.0 * EPSILON) * depth;
+    let reciprocal = level.splat_wide(1.0) / determinant;
+    let t = (u * az + v * bz + w * cz) * reciprocal * scale;
+    let (za, zb, zc) = (f64::from(z.a[lane]), f64::from(z.b[lane]), f64::from(z.c[lane]));
+    let spread = greater(greater(za, zb), zc) - lesser(lesser(za, zb), zc);
+    let error = level.splat_wide(4.0 * spread) * error * reciprocal.abs() + level.splat_wide(13.0 * EPSILON) * depth;
     let error = error * scale.abs();
     let (low, high) = ((t - error).narrow(), (t + error).narrow());
-    // Adding zero turns −0 into +0. Distances that vanish are left to the reference test.
-    let zero = level.splat8(0.0);
-    let (low, high) = (low + zero, high + zero);
     let (tmin, cap) = (level.load8(group.tmin.half(half)), level.load8(group.t.half(half)));
-    let equal = low.not_above(high) & high.not_above(low) & !(low.not_above(zero) & zero.not_above(low));
-    let settled = certain & equal;
     // Out of range whatever the last bit is.
     let open = open & !(certain & (high.below(tmin) | cap.below(low)));
+    // Distances that vanish or overflow are left to the reference test.
+    let size = low.abs();
+    let settled =
+        certain & high.not_above(low) & level.splat8(0.0).below(size) & size.below(level.splat8(f32::INFINITY));
 
     let mut improved = 0;
-    let best = open & settled & tmin.not_above(low) & low.below(level.splat8(f32::INFINITY));
-    let mut nearer = best & low.below(cap);
+    let mut nearer = open & settled & low.below(cap);
     // Ties go to the lower id.
-    for i in each(best & !nearer & low.not_above(cap)) {
+    for i in each(open & settled & !nearer) {
         let other = group.primitive.half(half)[i].to_bits();
         nearer |= u8::from(id < other) << i;
     }
     if nearer != 0 {
+        // Adding zero turns −0 into +0.
+        let zero = level.splat8(0.0);
         let (u, v) = ((v / determinant).narrow() + zero, (w / determinant).narrow() + zero);
         let limit = low * level.load8(group.factor.half(half));
         put(level, &mut group.t, half, nearer, low);
@@ -161,15 +168,19 @@ fn confirm_half<L: Level>(
     improved
 }
 
+/// The lesser number; one instruction, unlike `f64::min`, which must care for NaN.
 #[inline(always)]
-fn projected<L: Level>(
-    level: L,
-    origin: [L::D8; 3],
-    factors: [L::D8; 2],
-    x: f32,
-    y: f32,
-    z: f32,
-) -> [L::D8; 3] {
+fn lesser(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn greater(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn projected<L: Level>(level: L, origin: [L::D8; 3], factors: [L::D8; 2], x: f32, y: f32, z: f32) -> [L::D8; 3] {
     let depth = level.splat_wide(z.into()) - origin[2];
     [
         level.splat_wide(x.into()) - origin[0] - factors[0] * depth,

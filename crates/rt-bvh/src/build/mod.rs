@@ -88,9 +88,9 @@ fn fit(nodes: &mut [Node], order: &[u32], bounds: impl Fn(u32) -> Aabb) {
             nodes[node].bounds[side] = match nodes[node].child(side) {
                 Child::Absent => Aabb::EMPTY,
                 Child::Inner(child) => nodes[child as usize].bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)),
-                Child::Leaf { first, count } => order[first as usize..][..count as usize]
-                    .iter()
-                    .fold(Aabb::EMPTY, |all, &i| all.union(bounds(i))),
+                Child::Leaf { first, count } => {
+                    order[first as usize..][..count as usize].iter().fold(Aabb::EMPTY, |all, &i| all.union(bounds(i)))
+                }
             };
         }
     }

@@ -145,7 +145,8 @@ const fn exponent_of(x: f64) -> i32 {
 fn exactly_scaled(t: f32, factor: f64) -> Option<f32> {
     let scaled = f64::from(t) * factor;
     let largest = f64::from(f32::MAX);
-    (t == 0.0 || !t.is_subnormal() && scaled.abs() >= f64::from(f32::MIN_POSITIVE)).then(|| scaled.clamp(-largest, largest) as f32)
+    (t == 0.0 || !t.is_subnormal() && scaled.abs() >= f64::from(f32::MIN_POSITIVE))
+        .then(|| scaled.clamp(-largest, largest) as f32)
 }
 
 /// `a / b` as the sum of two single-precision numbers: the quotient rounded, and the quotient of what it left over, rounded.

@@ -157,13 +157,13 @@ fn set_wide(signs: [__m256d; 2]) -> u8 {
     avx2!((_mm256_movemask_pd(signs[0]) | _mm256_movemask_pd(signs[1]) << 4) as u8)
 }
 
-/// An intrinsic of two arguments, applied to one register each or to two.
+/// A function of two arguments, applied to one register each or to two.
 macro_rules! apply {
-    (one, $intrinsic:path, $a:expr, $b:expr) => {
-        avx2!($intrinsic($a, $b))
+    (one, $function:path, $a:expr, $b:expr) => {
+        $function($a, $b)
     };
-    (two, $intrinsic:path, $a:expr, $b:expr) => {
-        avx2!([$intrinsic($a[0], $b[0]), $intrinsic($a[1], $b[1])])
+    (two, $function:path, $a:expr, $b:expr) => {
+        [$function($a[0], $b[0]), $function($a[1], $b[1])]
     };
 }
 
@@ -184,12 +184,12 @@ macro_rules! floats {
 
             #[inline(always)]
             fn lesser(self, other: Self) -> Self {
-                Self(apply!($registers, $min, self.0, other.0))
+                Self(avx2!(apply!($registers, $min, self.0, other.0)))
             }
 
             #[inline(always)]
             fn greater(self, other: Self) -> Self {
-                Self(apply!($registers, $max, self.0, other.0))
+                Self(avx2!(apply!($registers, $max, self.0, other.0)))
             }
 
             #[inline(always)]
@@ -219,23 +219,59 @@ macro_rules! floats {
 
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
-                Self(apply!($registers, $intrinsic, self.0, other.0))
+                Self(avx2!(apply!($registers, $intrinsic, self.0, other.0)))
             }
         }
     };
 }
 
 floats!(
-    F16, two, u16, set16, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps, _mm256_min_ps, _mm256_max_ps,
-    less_equal, less, abs16, chosen16
+    F16,
+    two,
+    u16,
+    set16,
+    _mm256_add_ps,
+    _mm256_sub_ps,
+    _mm256_mul_ps,
+    _mm256_div_ps,
+    _mm256_min_ps,
+    _mm256_max_ps,
+    less_equal,
+    less,
+    abs16,
+    chosen16
 );
 floats!(
-    F8, one, u8, set8, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps, _mm256_min_ps, _mm256_max_ps,
-    less_equal, less, abs8, chosen8
+    F8,
+    one,
+    u8,
+    set8,
+    _mm256_add_ps,
+    _mm256_sub_ps,
+    _mm256_mul_ps,
+    _mm256_div_ps,
+    _mm256_min_ps,
+    _mm256_max_ps,
+    less_equal,
+    less,
+    abs8,
+    chosen8
 );
 floats!(
-    D8, two, u8, set_wide, _mm256_add_pd, _mm256_sub_pd, _mm256_mul_pd, _mm256_div_pd, _mm256_min_pd, _mm256_max_pd,
-    less_equal_wide, less_wide, abs_wide, chosen_wide
+    D8,
+    two,
+    u8,
+    set_wide,
+    _mm256_add_pd,
+    _mm256_sub_pd,
+    _mm256_mul_pd,
+    _mm256_div_pd,
+    _mm256_min_pd,
+    _mm256_max_pd,
+    less_equal_wide,
+    less_wide,
+    abs_wide,
+    chosen_wide
 );
 
 #[inline(always)]
@@ -450,8 +486,7 @@ impl Floats8 for F8 {
     #[inline(always)]
     fn not_above_in_order(self, far: Self, order: u32) -> (Slots8, usize) {
         let slots = spread(order);
-        let (near, far) =
-            avx2!((_mm256_permutevar8x32_ps(self.0, slots), _mm256_permutevar8x32_ps(far.0, slots)));
+        let (near, far) = avx2!((_mm256_permutevar8x32_ps(self.0, slots), _mm256_permutevar8x32_ps(far.0, slots)));
         let set = set8(less_equal(near, far));
         let members = spread(MEMBERS[usize::from(set)]);
         (Slots8(avx2!(_mm256_permutevar8x32_epi32(slots, members))), set.count_ones() as usize)

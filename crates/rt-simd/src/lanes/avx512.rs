@@ -181,8 +181,17 @@ macro_rules! floats {
 }
 
 floats!(
-    F16, u16, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps, _mm512_min_ps, _mm512_max_ps, abs16,
-    _mm512_cmp_ps_mask, _mm512_mask_blend_ps
+    F16,
+    u16,
+    _mm512_add_ps,
+    _mm512_sub_ps,
+    _mm512_mul_ps,
+    _mm512_div_ps,
+    _mm512_min_ps,
+    _mm512_max_ps,
+    abs16,
+    _mm512_cmp_ps_mask,
+    _mm512_mask_blend_ps
 );
 floats!(
     F8,
@@ -198,8 +207,17 @@ floats!(
     _mm256_mask_blend_ps
 );
 floats!(
-    D8, u8, _mm512_add_pd, _mm512_sub_pd, _mm512_mul_pd, _mm512_div_pd, _mm512_min_pd, _mm512_max_pd, abs_wide,
-    _mm512_cmp_pd_mask, _mm512_mask_blend_pd
+    D8,
+    u8,
+    _mm512_add_pd,
+    _mm512_sub_pd,
+    _mm512_mul_pd,
+    _mm512_div_pd,
+    _mm512_min_pd,
+    _mm512_max_pd,
+    abs_wide,
+    _mm512_cmp_pd_mask,
+    _mm512_mask_blend_pd
 );
 
 #[inline(always)]
@@ -255,7 +273,10 @@ impl Floats16 for F16 {
 
     #[inline(always)]
     fn reciprocal_of_power(self) -> Self {
-        Self(avx512!(_mm512_castsi512_ps(_mm512_sub_epi32(_mm512_set1_epi32(0x7f00_0000), _mm512_castps_si512(self.0)))))
+        Self(avx512!(_mm512_castsi512_ps(_mm512_sub_epi32(
+            _mm512_set1_epi32(0x7f00_0000),
+            _mm512_castps_si512(self.0)
+        ))))
     }
 
     #[inline(always)]

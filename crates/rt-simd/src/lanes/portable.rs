@@ -88,7 +88,6 @@ macro_rules! operation {
     };
 }
 
-
 macro_rules! floats {
     ($word:ident, $number:ty, $lanes:expr, $set:ty, $gather:expr) => {
         operation!($word, Add, add, +);
