@@ -71,9 +71,9 @@ impl Batch<'_> {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let mut extreme = 0;
+            let mut theirs = own.chunks(LANES);
             for (i, (group, rays)) in packet.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
-                let own = own.chunks(LANES).nth(i).unwrap_or_default();
-                group.set(level, frame, rays, own);
+                group.set(level, frame, rays, theirs.next().unwrap_or_default());
                 extreme |= u64::from(group.extreme) << (LANES * i);
             }
             packet.trace::<L, ANY>(level, tree, frame, rays, few);

@@ -50,7 +50,18 @@ impl Packet {
     ) {
         let Self { groups, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
+        // Most packets have rays of one octant.
+        let mut ways = [[0; 2]; 3];
+        for group in &*groups {
+            for (axis, [up, down]) in ways.iter_mut().enumerate() {
+                *up |= group.valid & !group.down[axis];
+                *down |= group.valid & group.down[axis];
+            }
+        }
         for octant in 0..8 {
+            if (0..3).any(|axis| ways[axis][octant >> axis & 1] == 0) {
+                continue;
+            }
             let mut open = [0; GROUPS];
             for (open, group) in open.iter_mut().zip(&*groups) {
                 *open = group.in_octant(octant);

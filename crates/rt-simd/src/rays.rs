@@ -158,8 +158,13 @@ impl Group {
     /// Prepares up to sixteen rays. `excluded` has an entry for each of them, or none.
     #[inline(always)]
     pub(crate) fn set<L: Level>(&mut self, level: L, frame: &Frame, rays: &[Ray], excluded: &[u32]) {
-        self.excluded = Lanes([NONE; LANES]);
-        self.excluded.0[..excluded.len()].copy_from_slice(bytemuck::cast_slice(excluded));
+        match excluded.first_chunk::<LANES>() {
+            Some(excluded) => self.excluded.0 = bytemuck::cast(*excluded),
+            None => {
+                self.excluded.0 = [NONE; LANES];
+                self.excluded.0[..excluded.len()].copy_from_slice(bytemuck::cast_slice(excluded));
+            }
+        }
         match rays.first_chunk::<LANES>() {
             Some(rays) => self.set_all(level, frame, bytemuck::cast_ref(rays)),
             None => {
@@ -245,6 +250,13 @@ impl Group {
         level.splat(0.0).store(&mut self.v);
         level.splat(NONE).store(&mut self.primitive);
         self.found = 0;
+    }
+
+    /// The octant of a lane.
+    #[inline(always)]
+    pub(crate) fn octant(&self, lane: usize) -> usize {
+        let down = |axis: usize| usize::from(self.down[axis] >> (lane % LANES) & 1);
+        down(0) | down(1) << 1 | down(2) << 2
     }
 
     /// The rays of an octant: bit k of its number says that they go down along axis k.
