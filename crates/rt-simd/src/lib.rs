@@ -16,6 +16,7 @@ mod dispatch;
 mod frustum;
 mod isa;
 mod lanes;
+mod order;
 mod packet;
 mod rays;
 mod single;
@@ -39,11 +40,12 @@ pub struct Kernel(Found);
 #[derive(Clone, Debug)]
 pub struct Scratch {
     packet: Box<Packet>,
+    sorted: order::Sorted,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { packet: Box::new(Packet::new()) }
+        Self { packet: Box::new(Packet::new()), sorted: order::Sorted::new() }
     }
 }
 
@@ -79,6 +81,19 @@ impl Kernel {
         hits: &mut [Hit],
     ) {
         let frame = Frame::of(tree);
-        self.0.run(Batch { tree, frame: &frame, packet: &mut scratch.packet, query, few, rays, excluded, hits });
+        let Scratch { packet, sorted } = scratch;
+        if few < 100 {
+            self.0.run(Batch { tree, frame: &frame, packet, query, few, rays, excluded, hits });
+            return;
+        }
+        let few = few - 100;
+        for (i, (rays, hits)) in rays.chunks(order::WINDOW).zip(hits.chunks_mut(order::WINDOW)).enumerate() {
+            let excluded = excluded.chunks(order::WINDOW).nth(i).unwrap_or_default();
+            sorted.take(rays, excluded);
+            let (n, m) = (rays.len(), excluded.len());
+            let (rays, excluded) = (&sorted.rays[..n], &sorted.excluded[..m]);
+            self.0.run(Batch { tree, frame: &frame, packet, query, few, rays, excluded, hits: &mut sorted.hits[..n] });
+            sorted.give(hits);
+        }
     }
 }
