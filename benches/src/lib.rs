@@ -4,9 +4,9 @@
 pub mod options;
 pub mod peers;
 
-use rt_bvh::Stack;
-use rt_core::{CameraRays, Hit, Query, RaySource, Scene, StreamSpec, morton};
-use rt_scene::streams::{Spawner, Sun};
+use rt_core::bounce::Surfaces;
+use rt_core::{Precision, Query, RaySource, Scene};
+use rt_scene::streams::{self, Paths, Sun, Wave};
 use rt_scene::{Model, View, builtin, obj, view};
 use std::error::Error;
 use std::path::Path;
@@ -44,36 +44,27 @@ impl BenchScene {
         Ok(Self { name, model, view })
     }
 
-    /// All camera rays of an image, in Z-curve order.
+    /// The paths of an image of `scene`, which is this model's tree: the rays that rendering it sends.
     ///
     /// # Errors
     /// When the view makes no camera.
-    pub fn primary(&self, size: [u32; 2], samples: u32, seed: u32) -> Result<RaySource, Box<dyn Error>> {
-        let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
-        let camera = self.view.camera()?;
-        Ok(RaySource::Camera(Arc::new(CameraRays { camera, size, pixels, samples, seed })))
+    pub fn paths(&self, scene: &Arc<Scene>, size: [u32; 2], samples: u32, seed: u32) -> Result<Paths, Box<dyn Error>> {
+        let surfaces = Arc::new(Surfaces::new(Arc::clone(scene)));
+        Ok(Paths { camera: self.view.camera()?, size, samples, seed, sun: Sun::beside(&self.view), surfaces })
     }
 
-    /// The streams of a path tracer's first steps that are not empty: primary rays of an image, shadow rays towards the sun and
-    /// diffuse rays from what those hit; each with its name and what is asked of it.
+    /// The streams of a path tracer's first steps that are not empty, one path for each pixel: primary rays of an image, shadow
+    /// rays towards the sun and diffuse rays from what those hit; each with its name and what is asked of it.
     ///
     /// # Errors
     /// When the view makes no camera.
-    pub fn streams(&self, scene: &Scene, size: [u32; 2]) -> Result<Vec<NamedStream>, Box<dyn Error>> {
-        let primary = self.primary(size, 1, 1)?;
-        let mut hits: Vec<Hit> = Vec::with_capacity(primary.len() as usize);
-        let rays = (0..primary.len()).map(|i| primary.ray(i));
-        rt_bvh::trace(scene, &mut Stack::for_scene(scene), StreamSpec::default(), rays, |hit, _| hits.push(hit));
-        let spawner = Spawner { model: &self.model, rays: &primary, hits: &hits, seed: 1, samples: 1, bounce: 0 };
-        let sun = Sun::new(glam::Vec3::new(0.4, 0.8, 0.5), Sun::REAL_RADIUS).ok_or("the sun shines from somewhere")?;
-        let all = 0..hits.len() as u32;
-        let shadow = spawner.shadow(&sun, all.clone()).into_source().0;
-        let diffuse = spawner.diffuse(all).into_source().0;
-        let streams = [
-            ("primary", primary, Query::Closest),
-            ("shadow", shadow, Query::Any),
-            ("diffuse", diffuse, Query::Closest),
-        ];
-        Ok(streams.into_iter().filter(|(_, source, _)| !source.is_empty()).collect())
+    pub fn streams(&self, scene: &Arc<Scene>, size: [u32; 2]) -> Result<Vec<NamedStream>, Box<dyn Error>> {
+        let paths = self.paths(scene, size, 1, 1)?;
+        let primary = paths.primary(&Wave::whole(size)?);
+        let hits = streams::trace(scene, &primary.source, primary.spec(Precision::Robust));
+        let [shadow, diffuse] = paths.follow(&primary, &hits);
+        let streams = [("primary", primary), ("shadow", shadow), ("diffuse", diffuse)];
+        let streams = streams.into_iter().map(|(name, stream)| (name, stream.source, stream.query));
+        Ok(streams.filter(|(_, source, _)| !source.is_empty()).collect())
     }
 }

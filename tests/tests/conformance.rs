@@ -2,7 +2,7 @@
 
 use backend_cpu::CpuDevice;
 use libtest_mimic::{Arguments, run};
-use rt_balance::middleware::{Fault, Faulty, Recorded, Throttled};
+use rt_balance::middleware::{Failure, Fault, Faulty, FaultyCall, Recorded, Throttled};
 use rt_core::Device;
 use rt_tests::conformance::{Subject, trials};
 use rt_tests::fake::FakeDevice;
@@ -20,7 +20,8 @@ fn main() {
     let throttled = Throttled::new(honest(), 0.5).map(|device| Arc::new(device) as Arc<dyn Device>);
     subjects.push(Subject::new("fake", "throttled", throttled.ok_or_else(|| "no such speed".to_owned())));
     subjects.push(Subject::new("fake", "recorded", Ok(Arc::new(Recorded::new(honest())))));
-    subjects.push(Subject::new("fake", "not yet faulty", Ok(Arc::new(Faulty::new(honest(), Fault::Submit(u32::MAX))))));
+    let not_yet = Fault::new(FaultyCall::Submit, u32::MAX, Failure::Panic);
+    subjects.push(Subject::new("fake", "not yet faulty", Ok(Arc::new(Faulty::new(honest(), not_yet)))));
     run(&arguments, trials(subjects)).exit();
 }
 

@@ -3,7 +3,7 @@
 
 use backend_cpu::CpuDevice;
 use rt_balance::estimators::{History, Sampled, Uniform};
-use rt_balance::middleware::{Fault, Faulty, Record, Recorded, Throttled};
+use rt_balance::middleware::{Failure, Fault, Faulty, FaultyCall, Record, Recorded, Throttled};
 use rt_balance::policies::{Block, RoundRobin};
 use rt_balance::report::ActivityKind;
 use rt_balance::{
@@ -139,7 +139,14 @@ fn any_devices_queue_and_estimate_give_the_bits_of_one_device() {
 fn a_device_may_fail_anywhere() {
     for queue in QUEUES {
         for n in [0, 1, 3] {
-            for fault in [Fault::Submit(n), Fault::Wait(n), Fault::Hang(n), Fault::Walk(n)] {
+            let faults = [
+                (FaultyCall::Submit, DeviceErrorKind::Lost),
+                (FaultyCall::Wait, DeviceErrorKind::Lost),
+                (FaultyCall::Wait, DeviceErrorKind::Hung),
+                (FaultyCall::Walk, DeviceErrorKind::Lost),
+            ];
+            for (call, kind) in faults {
+                let fault = Fault::new(call, n, Failure::Error(kind));
                 let devices = [Arc::new(Faulty::new(honest(), fault)) as Arc<dyn Device>, honest()];
                 let mut balancer = Balancer::new(Arc::clone(&fixture().scene), &devices).expect("a balancer");
                 let what = format!("{queue:?}, {fault:?}");
@@ -177,7 +184,10 @@ fn when_all_devices_fail_finished_tasks_stay_and_others_are_untouched() {
     let Fixture { scene, stream, hits, .. } = fixture();
     for queue in QUEUES {
         for n in [0, 2] {
-            let faulty = || Arc::new(Faulty::new(honest(), Fault::Wait(n))) as Arc<dyn Device>;
+            let faulty = || {
+                Arc::new(Faulty::new(honest(), Fault::new(FaultyCall::Wait, n, Failure::Error(DeviceErrorKind::Lost))))
+                    as Arc<dyn Device>
+            };
             let mut balancer = Balancer::new(Arc::clone(scene), &[faulty(), faulty()]).expect("a balancer");
             let mut found = vec![UNTOUCHED; hits.len()];
             let mut scheduling = scheduling(queue, Box::new(Uniform));

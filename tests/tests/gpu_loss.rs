@@ -10,9 +10,9 @@ use backend_wgpu::WgpuDevice;
 use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_balance::estimators::{Sampled, Uniform};
-use rt_balance::middleware::{Fault, Faulty};
+use rt_balance::middleware::{Failure, Fault, Faulty, FaultyCall};
 use rt_balance::report::StreamRun;
-use rt_balance::{BalanceError, Balancer, Control, CostEstimator, QueueKind, Scheduling, Stream};
+use rt_balance::{Audit, BalanceError, Balancer, Control, CostEstimator, Limits, QueueKind, Scheduling, Stream};
 use rt_bvh::Builder;
 use rt_core::{
     Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, TestCounts, Walk,
@@ -210,7 +210,9 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
 }
 
 fn scheduling(queue: QueueKind, limit: Duration) -> Scheduling {
-    Scheduling { estimator: Box::new(Uniform), queue, limit, ..Scheduling::default() }
+    // What is late is told by the device, not done by others.
+    let limits = Limits { late: LIMIT, lost: limit, ..Limits::default() };
+    Scheduling { estimator: Box::new(Uniform), queue, limits, ..Scheduling::default() }
 }
 
 /// Traces the stream and checks every bit of hits and counts.
@@ -380,11 +382,12 @@ fn loss(backend: Backend, index: usize) -> Result<(), Failed> {
 
 fn killed(backend: Backend, index: usize) -> Result<(), Failed> {
     let faults = [
-        (QueueKind::Static, Fault::Wait(0)),
-        (QueueKind::Hybrid, Fault::Wait(1)),
-        (QueueKind::Hybrid, Fault::Submit(1)),
+        (QueueKind::Static, FaultyCall::Wait, 0),
+        (QueueKind::Hybrid, FaultyCall::Wait, 1),
+        (QueueKind::Hybrid, FaultyCall::Submit, 1),
     ];
-    for (queue, fault) in faults {
+    for (queue, call, after) in faults {
+        let fault = Fault::new(call, after, Failure::Error(DeviceErrorKind::Lost));
         let bad = Arc::new(Faulty::new(backend.one(index, Opening::default())?.device, fault));
         expect(&survives(backend, index, bad, queue, LIMIT)?, "injected fault")?;
     }
@@ -397,7 +400,8 @@ fn poison(backend: Backend, index: usize) -> Result<(), Failed> {
     let bad = backend.with(index, Trouble::Kernel(Purpose::Poisoned))?;
     let mut balancer = Balancer::new(Arc::clone(scene), &[bad.device])?;
     let mut found = vec![Hit::MISS; hits.len()];
-    let mut how = scheduling(QueueKind::Hybrid, LIMIT);
+    // The host would find it out.
+    let mut how = Scheduling { audit: Audit::OFF, ..scheduling(QueueKind::Hybrid, LIMIT) };
     balancer.trace(stream, &mut how, &mut found, None, Control::default())?;
     let there = hits.iter().filter(|hit| hit.is_hit()).count();
     let left = found.iter().filter(|hit| hit.is_hit()).count();

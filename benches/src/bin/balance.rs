@@ -8,10 +8,12 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
 use rt_balance::stats::{Summary, median};
-use rt_balance::{Balancer, Control, Device, Hit, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_balance::{
+    Balancer, Control, Device, Hit, Limits, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec,
+};
 use rt_benches::BenchScene;
-use rt_core::{CostEstimator, ReducedWalk, Walk};
-use rt_scene::streams::Spawner;
+use rt_core::{CostEstimator, ReducedWalk, Scene, Walk};
+use rt_scene::streams::Wave;
 use rt_sched::estimate::{Auto, Sampled, Uniform};
 use rt_sched::policy::{Block, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
@@ -87,8 +89,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
-    let mut balancer = Balancer::new(built.scene, &devices)?;
-    let stream = stream(&scene, &options, &mut balancer)?;
+    let mut balancer = Balancer::new(Arc::clone(&built.scene), &devices)?;
+    let stream = stream(&scene, &built.scene, &options, &mut balancer)?;
     let mut hits = vec![Hit::MISS; stream.source.len() as usize];
 
     // One uncounted round fills caches and calibrates the devices.
@@ -103,7 +105,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runs.push(balancer.trace(&seeded, scheduling, &mut hits, None, Control::default())?);
         }
         if round > 0 {
-            references.push(balancer.reference(&stream, 1)?);
+            references.push(balancer.reference(&stream, 1, &Limits::default(), Control::default())?);
             rounds.push(runs);
         }
         eprintln!("round {round} of {}", options.runs);
@@ -120,8 +122,15 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The primary rays, or the diffuse rays from their hits.
-fn stream(scene: &BenchScene, options: &Options, balancer: &mut Balancer) -> Result<Stream, Box<dyn Error>> {
-    let primary = scene.primary(options.size, options.spp, 1)?;
+fn stream(
+    scene: &BenchScene,
+    built: &Arc<Scene>,
+    options: &Options,
+    balancer: &mut Balancer,
+) -> Result<Stream, Box<dyn Error>> {
+    let paths = scene.paths(built, options.size, options.spp, 1)?;
+    let camera = paths.primary(&Wave::whole(options.size)?);
+    let primary = camera.source.clone();
     let cut = |source: rt_core::RaySource, kind| {
         let size = source.len().div_ceil(options.tasks);
         Stream::new(source, kind, StreamSpec::default()).with_task_size(size)
@@ -132,9 +141,8 @@ fn stream(scene: &BenchScene, options: &Options, balancer: &mut Balancer) -> Res
     let mut hits = vec![Hit::MISS; primary.len() as usize];
     let stream = cut(primary.clone(), StreamKind::Primary);
     balancer.trace(&stream, &mut Scheduling::default(), &mut hits, None, Control::default())?;
-    let spawner =
-        Spawner { model: &scene.model, rays: &primary, hits: &hits, seed: 1, samples: options.spp, bounce: 0 };
-    Ok(cut(spawner.diffuse(0..hits.len() as u32).into_source().0, StreamKind::Diffuse(0)))
+    let [_, diffuse] = paths.follow(&camera, &hits);
+    Ok(cut(diffuse.source, diffuse.kind))
 }
 
 impl Config {

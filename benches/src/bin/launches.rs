@@ -6,21 +6,17 @@
 #![forbid(unsafe_code)]
 
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
-use rayon::prelude::*;
 use rt_balance::stats::{median, ratios};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
-use rt_core::{Device, Hit, Launch, RaySource, StreamSpec, Tracer, tasks_of};
-use rt_scene::streams::{Spawned, Spawner};
+use rt_core::{Device, Launch, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_scene::streams::Wave;
 use std::error::Error;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// The longest a launch may take.
 const LIMIT: Duration = Duration::from_secs(600);
-
-/// Hits that a thread turns into rays at once, as the command does.
-const SPAWN: u32 = 1 << 14;
 
 struct Options {
     scenes: Vec<String>,
@@ -37,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("device: {} ({}), makes rays: {}\n", device.info().name, device.card().driver, device.makes_rays());
     println!(
         "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to load \
-         camera rays and have the device make them, and to load those that the host prepares and sends; to spawn and to load diffuse rays; \
+         camera rays and have the device make them, and to load those that the host prepares and sends; to load and to find the shadow and diffuse rays that leave; \
          camera rays per million that the device does not make but leaves to the host. Medians of {} interleaved runs.\n",
         options.runs
     );
@@ -74,7 +70,9 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     };
     let (device, mut first) = tracer(Tuning::default())?;
     let (sender, mut host) = tracer(Tuning { host_rays: true, ..Tuning::default() })?;
-    let primary = bench.primary(options.size, 1, 1)?;
+    let paths = bench.paths(&scene, options.size, 1, 1)?;
+    let camera = paths.primary(&Wave::whole(options.size)?);
+    let primary = camera.source.clone();
     load(&mut *first, &primary)?;
     let hits = trace(&mut *first, primary.len())?.hits;
     load(&mut *host, &primary)?;
@@ -89,8 +87,11 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let mut diffuse = primary.clone();
     for _ in 0..options.runs {
         let begin = Instant::now();
-        diffuse = spawn(&bench, &primary, &hits);
-        spawned_s.push(begin.elapsed().as_secs_f64() / f64::from(diffuse.len().max(1)));
+        // Shadow rays as well, as rendering makes them.
+        let [shadow, rays] = paths.follow(&camera, &hits);
+        let rays_made = (shadow.source.len() + rays.source.len()).max(1);
+        spawned_s.push(begin.elapsed().as_secs_f64() / f64::from(rays_made));
+        diffuse = rays.source;
     }
     for (kind, source) in [("primary", &primary), ("diffuse", &diffuse)] {
         if source.is_empty() {
@@ -148,17 +149,6 @@ fn trace(tracer: &mut dyn Tracer, rays: u32) -> Result<Launch, Box<dyn Error>> {
     let mut launch = Launch::default();
     tracer.wait(ticket, LIMIT, &mut launch)?;
     Ok(launch)
-}
-
-/// A diffuse ray for every hit, on all of the host's threads.
-fn spawn(bench: &BenchScene, rays: &RaySource, hits: &[Hit]) -> RaySource {
-    let spawner = Spawner { model: &bench.model, rays, hits, seed: 1, samples: 1, bounce: 0 };
-    let count = hits.len() as u32;
-    let parts = (0..count.div_ceil(SPAWN)).into_par_iter();
-    let parts: Vec<Spawned> = parts.map(|part| spawner.diffuse(part * SPAWN..count.min((part + 1) * SPAWN))).collect();
-    let mut all = Spawned::default();
-    parts.into_iter().for_each(|part| all.append(part));
-    all.into_source().0
 }
 
 impl Options {

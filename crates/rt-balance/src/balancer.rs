@@ -2,24 +2,33 @@
 
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::member::{Member, Outputs, all_lost};
-use crate::models::{Key, Models, blind_excess};
+use crate::member::{Member, all_lost, ask_all, dismiss, settle};
+use crate::models::{Key, blind_excess};
+use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
-use crate::{BalanceError, Control, Scheduling, Stream, clock};
+use crate::worker::Call;
+use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
-    CostEstimator, Device, DeviceInfo, Hit, Launch, LaunchRecord, Ray, RaySource, RayStream, Scene, StreamKind,
-    StreamRecord, StreamSpec, TestCounts, Traffic,
+    CostEstimator, Device, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream, Scene, StreamKind, StreamRecord,
+    StreamSpec, TestCounts,
 };
-use std::sync::{Arc, Mutex};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A scene on several devices, ready to trace streams of rays.
 ///
 /// It learns while it works: the seconds each device needs per ray, box test and triangle test are fitted from its
-/// launches, so later streams are scheduled by better models. A device that fails is dropped and its tasks go to the
-/// others.
+/// launches, so later streams are scheduled by better models.
+///
+/// A device that fails is dropped and its tasks go to the others: whether it says so, panics, does not answer within the
+/// [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long as the
+/// balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
+///
+/// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own, on
+/// other devices or the same, or waits behind the caller's own lock.
 #[derive(Debug)]
 pub struct Balancer {
     scene: Arc<Scene>,
@@ -31,36 +40,41 @@ impl Balancer {
     /// Brings `scene` to every device. One that cannot take it is left out of every stream, and reports say why.
     ///
     /// # Errors
-    /// When there is no device, or none of them can take the scene: then the first one's error.
+    /// When there is no device, none of them can take the scene (then the first one's error), or the system cannot start a
+    /// thread for each.
     pub fn new(scene: Arc<Scene>, devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
+        Self::open(scene, devices, &Limits::default(), Control::default())
+    }
+
+    /// [`Balancer::new`] for devices that may take so long, and for a caller who may cancel. A device that is not ready in
+    /// time joins later.
+    ///
+    /// # Errors
+    /// As for [`Balancer::new`], and when the caller cancels.
+    pub fn open(
+        scene: Arc<Scene>,
+        devices: &[Arc<dyn Device>],
+        limits: &Limits,
+        control: Control<'_>,
+    ) -> Result<Self, BalanceError> {
         if devices.is_empty() {
             return Err(BalanceError::NoDevices);
         }
-        let origin = clock::now();
-        let mut refused = None;
-        let mut open = |device: &Arc<dyn Device>| {
-            let mut member = Member {
-                info: device.info().clone(),
-                tracer: None,
-                models: Models::default(),
-                failure: None,
-                buffers: Launch::default(),
-                before: Traffic::default(),
-            };
-            match device.tracer(Arc::clone(&scene), clock::now) {
-                Ok(tracer) => member.tracer = Some(tracer),
-                Err(source) => {
-                    member.fail(&source);
-                    refused.get_or_insert(BalanceError::Open { device: member.info.name.clone(), source });
-                }
-            }
-            member
-        };
-        let members: Vec<Member> = devices.iter().map(&mut open).collect();
-        match refused {
-            Some(error) if members.iter().all(|member| member.tracer.is_none()) => Err(error),
-            _ => Ok(Self { scene, members, origin }),
+        let mut balancer = Self { scene, members: Vec::with_capacity(devices.len()), origin: clock::now() };
+        for (index, device) in devices.iter().enumerate() {
+            let member = Member::open(index, device, &balancer.scene);
+            balancer
+                .members
+                .push(member.map_err(|source| BalanceError::Thread { device: format!("device {index}"), source })?);
         }
+        settle(&mut balancer.members, limits, control)?;
+        if balancer.members.iter().any(Member::is_alive) {
+            return Ok(balancer);
+        }
+        // None is alive, so each has failed.
+        let failed = std::mem::take(&mut balancer.members).into_iter();
+        let first = failed.filter_map(|member| Some((member.info.name.clone(), member.into_error()?))).next();
+        Err(first.map_or(BalanceError::NoDevices, |(device, source)| BalanceError::Open { device, source }))
     }
 
     /// Builds a tree over the caller's triangles with the default options and brings it to every device.
@@ -91,10 +105,6 @@ impl Balancer {
         self.members.iter().map(|member| &member.info)
     }
 
-    pub(crate) fn members(&mut self) -> &mut [Member] {
-        &mut self.members
-    }
-
     /// Traces the caller's rays with the default scheduling: `hits[i]` is the nearest hit of `rays[i]`.
     ///
     /// # Errors
@@ -108,11 +118,16 @@ impl Balancer {
     /// Estimates, schedules and traces one stream.
     ///
     /// `hits` has one entry for each ray; so has `counts`, which is filled when `stream.spec.counts` is set. Every
-    /// ray is traced exactly once, on whatever device; entries of tasks that were not finished keep their values.
+    /// ray is traced exactly once, on whatever device, unless a device fails or is late; entries of tasks that were not
+    /// finished keep their values.
     ///
     /// # Errors
-    /// When an argument is wrong, the caller cancelled, or every device failed. Hits of finished tasks are in the
-    /// output even then.
+    /// When an argument is wrong, or what the caller's estimator, policy or queue says: that costs no device. When the
+    /// caller cancelled, or every device failed. Hits of finished tasks are in the output even then.
+    ///
+    /// # Panics
+    /// Where the caller's own code does: estimator, policy, queue or progress callback. The devices come to rest first, and
+    /// are as good as before.
     pub fn trace(
         &mut self,
         stream: &Stream,
@@ -127,23 +142,44 @@ impl Balancer {
             check_length("counts", counts.len(), rays)?;
         }
         stream.check()?;
-        scheduling.policy()?;
+        scheduling.check()?;
+        let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
+        let limits = scheduling.limits;
+        // Nothing of this is left half done by a panic but what devices are at.
+        let traced = catch_unwind(AssertUnwindSafe(|| self.trace_into(stream, scheduling, &mut output, control)));
+        traced.unwrap_or_else(|panic| {
+            // The panic is what the caller wants to know.
+            let _ = settle(&mut self.members, &limits, Control { progress: None, ..control });
+            resume_unwind(panic)
+        })
+    }
 
+    fn trace_into(
+        &mut self,
+        stream: &Stream,
+        scheduling: &mut Scheduling,
+        output: &mut Output<'_>,
+        control: Control<'_>,
+    ) -> Result<StreamRun, BalanceError> {
+        let (limits, tasks) = (scheduling.limits, stream.tasks.len());
         let setup = clock::now();
-        self.prepare(stream, &*scheduling.estimator);
-        let begin = clock::now();
-        let outputs = Mutex::new(Outputs { hits, counts });
         self.members.iter_mut().for_each(Member::begin);
-        self.load(stream)?;
+        let untouched = |error: BalanceError| error.with_unfinished(tasks);
+        settle(&mut self.members, &limits, control).map_err(untouched)?;
+        self.prepare(stream, &*scheduling.estimator, &limits, control).map_err(untouched)?;
+        let begin = clock::now();
+        self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || blind_excess(&self.members, scheduling.queue, stream.tasks.len());
+        let expected = || blind_excess(&self.members, scheduling.queue, tasks);
         let blind = scheduling.blind_excess.unwrap_or_else(expected);
-        let estimated = estimate(&mut self.members, stream, &mut *scheduling.estimator, blind, &outputs)?;
+        let estimator = &mut *scheduling.estimator;
+        let estimated = estimate(&mut self.members, stream, estimator, blind, output, &limits, control);
+        let estimated = estimated.map_err(untouched)?;
         let key = Key::of(&*scheduling.estimator, stream.kind);
         learn_walks(&mut self.members, key, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
         let planned = clock::now();
-        let ran = run(&mut self.members, stream, &plan, &outputs, control, scheduling.limit)?;
+        let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
         let end = clock::now();
 
         teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
@@ -152,42 +188,67 @@ impl Balancer {
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
     }
 
-    /// Has every living device do beforehand what a stream like this needs once.
-    fn prepare(&mut self, stream: &Stream, estimator: &dyn CostEstimator) {
-        let walk = estimator.walk();
-        std::thread::scope(|scope| {
-            for tracer in self.members.iter_mut().filter_map(|member| member.tracer.as_mut()) {
-                scope.spawn(move || tracer.prepare(&stream.source, stream.spec, walk));
-            }
-        });
+    /// Has every device that is ready, or is so in time, do beforehand what a stream like this needs once.
+    fn prepare(
+        &mut self,
+        stream: &Stream,
+        estimator: &dyn CostEstimator,
+        limits: &Limits,
+        control: Control<'_>,
+    ) -> Result<(), BalanceError> {
+        let (source, spec, walk) = (&stream.source, stream.spec, estimator.walk());
+        ask_all(&mut self.members, || Call::Prepare { source: source.clone(), spec, walk }, limits, control)?;
+        Ok(())
     }
 
-    /// Gives the rays to every living device; one that cannot take them drops out.
-    pub(crate) fn load(&mut self, stream: &Stream) -> Result<(), BalanceError> {
-        let spec = stream.spec;
-        std::thread::scope(|scope| {
-            for member in &mut self.members {
-                let source = stream.source.clone();
-                scope.spawn(move || {
-                    if let Some(tracer) = &mut member.tracer
-                        && let Err(error) = tracer.load_rays(source, spec)
-                    {
-                        member.fail(&error);
-                    }
-                });
-            }
-        });
-        if self.members.iter().any(|member| member.tracer.is_some()) {
-            Ok(())
-        } else {
-            Err(all_lost(&self.members, stream.tasks.len()))
+    /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that refuses
+    /// them is left out of the stream.
+    pub(crate) fn load(
+        &mut self,
+        stream: &Stream,
+        limits: &Limits,
+        audit: Audit,
+        control: Control<'_>,
+    ) -> Result<(), BalanceError> {
+        settle(&mut self.members, limits, control)?;
+        let (source, spec, limit) = (&stream.source, stream.spec, limits.lost);
+        let call = || Call::Load { source: source.clone(), spec, limit, audit };
+        let mut refused = ask_all(&mut self.members, call, limits, control)?;
+        for member in self.members.iter_mut().filter(|member| member.is_alive() && !member.is_ready()) {
+            member.remark = Some("it was not ready in time: left out of this stream".to_owned());
         }
+        if !self.members.iter().any(Member::is_ready) {
+            return Err(all_lost(&self.members, stream.tasks.len()));
+        }
+        let taken = self.members.iter().filter(|member| member.is_ready()).count() - refused.len();
+        match refused.pop() {
+            Some((index, source)) if taken == 0 => {
+                Err(BalanceError::Refused { device: self.members[index].info.name.clone(), source })
+            }
+            last => {
+                for (index, error) in refused.into_iter().chain(last) {
+                    self.members[index].leave_out(&error);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// The devices, and the clock's begin.
+    pub(crate) fn members(&mut self) -> &mut [Member] {
+        &mut self.members
+    }
+}
+
+impl Drop for Balancer {
+    fn drop(&mut self) {
+        dismiss(&mut self.members);
     }
 }
 
 /// Tells the estimator what its stream took.
 fn teach(estimator: &mut dyn CostEstimator, stream: RayStream<'_>, estimated: &Estimated, ran: &Ran) {
-    for launch in &ran.launches {
+    for launch in ran.launches.iter().filter(|launch| launch.whole) {
         estimator.learn(&LaunchRecord {
             stream,
             work: &estimated.work,

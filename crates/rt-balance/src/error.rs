@@ -39,7 +39,37 @@ pub enum BalanceError {
         /// Name of the queue.
         queue: &'static str,
     },
-    /// An argument was refused by a device.
+    /// The caller's estimator asked or answered what makes no sense.
+    Estimator {
+        /// Its name.
+        estimator: &'static str,
+        /// What is wrong.
+        mistake: String,
+    },
+    /// The caller's policy dealt other tasks, or to other devices, than it was given.
+    Policy {
+        /// Its name.
+        policy: &'static str,
+        /// What is wrong.
+        mistake: String,
+    },
+    /// The queue broke one of its promises.
+    Queue {
+        /// Its name.
+        queue: &'static str,
+        /// What is wrong.
+        mistake: String,
+    },
+    /// [`Scheduling::blind_excess`](crate::Scheduling::blind_excess) is no share.
+    BlindExcess(f64),
+    /// The system cannot start a thread for a device.
+    Thread {
+        /// Name of the device, or its number.
+        device: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// No device takes the stream: each refused it and is as it was.
     Refused {
         /// Name of the device.
         device: String,
@@ -58,6 +88,18 @@ pub enum BalanceError {
         /// Tasks that were not finished.
         unfinished: usize,
     },
+}
+
+impl BalanceError {
+    /// The same error, of a stream with `tasks` unfinished tasks.
+    #[must_use]
+    pub(crate) fn with_unfinished(self, tasks: usize) -> Self {
+        match self {
+            Self::AllDevicesLost { failures, .. } => Self::AllDevicesLost { unfinished: tasks, failures },
+            Self::Cancelled { .. } => Self::Cancelled { unfinished: tasks },
+            other => other,
+        }
+    }
 }
 
 impl fmt::Display for BalanceError {
@@ -81,6 +123,15 @@ impl fmt::Display for BalanceError {
                 };
                 write!(f, "policy {policy} cannot be used with the {queue} queue, which {reason}")
             }
+            Self::Estimator { estimator, mistake } => write!(f, "estimator {estimator}: {mistake}"),
+            Self::Policy { policy, mistake } => write!(f, "policy {policy}: {mistake}"),
+            Self::Queue { queue, mistake } => write!(f, "{queue} queue: {mistake}"),
+            Self::BlindExcess(found) => {
+                write!(f, "blind_excess is {found}: give a share of the makespan, from 0 up, or None")
+            }
+            Self::Thread { device, .. } => {
+                write!(f, "--devices: cannot start the threads of {device}: give fewer devices, or raise `ulimit -u`")
+            }
             Self::Refused { device, .. } => write!(f, "{device} refused the stream"),
             Self::AllDevicesLost { unfinished, failures } => {
                 write!(f, "every device failed, {unfinished} tasks are not finished:")?;
@@ -96,6 +147,7 @@ impl std::error::Error for BalanceError {
         match self {
             Self::Open { source, .. } | Self::Refused { source, .. } => Some(source),
             Self::Build(source) => Some(source),
+            Self::Thread { source, .. } => Some(source),
             _ => None,
         }
     }

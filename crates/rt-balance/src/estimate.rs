@@ -1,17 +1,14 @@
-//! Walks an estimator's samples on all devices in parallel.
+//! Asks an estimator what a stream's tasks will cost, and the devices what it wants to know.
 
-use crate::member::{Member, Outputs, all_lost};
+use crate::limits::Limits;
+use crate::member::{Member, cancelled};
+use crate::output::Output;
 use crate::record::WalkDone;
-use crate::{BalanceError, Stream, clock};
-use rt_core::{CostEstimator, DeviceError, DeviceErrorKind, Hit, Observation, RayMask, Step, TestCounts, Walk, Work};
+use crate::walk::{Found, walk_on_all};
+use crate::{BalanceError, Control, Stream, clock};
+use rt_core::{CostEstimator, Observation, RayMask, Step, Walk, Work};
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
-
-/// Fewest samples worth a call to a device: below it the hand-over (some 10 µs) costs more than the rays.
-const LEAST_CHUNK: usize = 256;
-
-/// Chunks per device when there are enough samples: fine enough that devices of different speed end together.
-const CHUNKS_PER_DEVICE: usize = 6;
+use std::sync::Arc;
 
 /// What the estimation phase found.
 #[derive(Debug)]
@@ -20,6 +17,8 @@ pub(crate) struct Estimated {
     pub(crate) work: Vec<Work>,
     /// Rays whose hits are known already.
     pub(crate) kept: Option<Arc<RayMask>>,
+    /// Who found those hits.
+    pub(crate) finders: Vec<Finders>,
     /// Rays walked, over all steps.
     pub(crate) walked: u64,
     pub(crate) walks: Vec<WalkDone>,
@@ -29,152 +28,117 @@ pub(crate) struct Estimated {
     pub(crate) seconds: f64,
 }
 
-/// Runs the estimator until it is done. Hits of full walks go to `outputs`.
+/// Rays that were walked in full, and by which devices.
+#[derive(Debug)]
+pub(crate) struct Finders {
+    rays: Arc<Vec<u32>>,
+    by: Vec<(Range<usize>, usize)>,
+}
+
+impl Finders {
+    /// The rays that a device has walked.
+    pub(crate) fn rays_of(&self, member: usize) -> impl Iterator<Item = u32> {
+        let own = self.by.iter().filter(move |(_, by)| *by == member);
+        own.flat_map(|(range, _)| self.rays[range.clone()].iter().copied())
+    }
+}
+
+/// Runs the estimator until it is done. Hits of full walks go to `output`.
+///
+/// # Errors
+/// When the caller cancels, the estimator asks or answers what makes no sense, or nobody can walk.
 pub(crate) fn estimate(
     members: &mut [Member],
     stream: &Stream,
     estimator: &mut dyn CostEstimator,
     blind_excess: f64,
-    outputs: &Mutex<Outputs<'_>>,
+    output: &mut Output<'_>,
+    limits: &Limits,
+    control: Control<'_>,
 ) -> Result<Estimated, BalanceError> {
     let mut kept: Option<RayMask> = None;
-    let mut walks = Vec::new();
+    let (mut walks, mut finders) = (Vec::new(), Vec::new());
     let mut walked = 0;
-    let (mut rays, mut counts) = (Vec::new(), Vec::new());
-    let devices = members.iter().filter(|member| member.tracer.is_some()).count();
+    let (mut rays, mut counts) = (Arc::new(Vec::new()), Vec::new());
+    let devices = members.iter().filter(|member| member.is_ready()).count();
     let begin = clock::now();
     loop {
+        if control.is_cancelled() {
+            return Err(cancelled());
+        }
         match estimator.next(stream.view(devices, blind_excess), Observation { rays: &rays, counts: &counts }) {
             Step::Done(work) => {
-                debug_assert_eq!(work.len(), stream.tasks.len(), "one entry for each task");
+                check_work(estimator, stream, &work)?;
                 let seconds = clock::now().saturating_sub(begin).as_secs_f64();
-                return Ok(Estimated { work, kept: kept.map(Arc::new), walked, walks, blind_excess, seconds });
+                let kept = kept.map(Arc::new);
+                return Ok(Estimated { work, kept, finders, walked, walks, blind_excess, seconds });
             }
             Step::Sample { rays: wanted, walk } => {
-                let mut hits = vec![Hit::MISS; if walk == Walk::Full { wanted.len() } else { 0 }];
-                counts = vec![TestCounts::default(); wanted.len()];
-                walk_on_all(members, &wanted, walk, &mut counts, &mut hits, &mut walks)
-                    .map_err(|unwalked| unwalked.error(members, stream.tasks.len()))?;
-                walked += wanted.len() as u64;
+                check_sample(estimator, stream, &wanted)?;
+                rays = Arc::new(wanted);
+                let found = walk_on_all(members, &rays, walk, limits, control)?;
+                walked += rays.len() as u64;
                 if walk == Walk::Full {
-                    let mask = kept.get_or_insert_with(|| RayMask::new(stream.source.len()));
-                    let mut out = outputs.lock().unwrap_or_else(PoisonError::into_inner);
-                    for ((&ray, &hit), &count) in wanted.iter().zip(&hits).zip(&counts) {
-                        mask.insert(ray);
-                        out.hits[ray as usize] = hit;
-                        if let Some(slot) = out.counts.as_mut().and_then(|c| c.get_mut(ray as usize)) {
-                            *slot = count;
-                        }
-                    }
+                    keep(kept.get_or_insert_with(|| RayMask::new(stream.source.len())), &rays, &found, output);
+                    finders.push(Finders { rays: Arc::clone(&rays), by: found.by });
                 }
-                rays = wanted;
+                walks.extend(found.walks);
+                counts = found.counts;
             }
         }
     }
 }
 
-/// Some samples were walked by no device: all failed, or those left have no such walk, as the last one says.
-#[derive(Debug)]
-struct Unwalked(Option<(usize, DeviceError)>);
-
-impl Unwalked {
-    fn error(self, members: &[Member], tasks: usize) -> BalanceError {
-        match self.0 {
-            Some((index, source)) => BalanceError::Refused { device: members[index].info.name.clone(), source },
-            None => all_lost(members, tasks),
-        }
+/// Keeps the hits of rays that were walked in full.
+fn keep(mask: &mut RayMask, rays: &[u32], found: &Found, output: &mut Output<'_>) {
+    for ((&ray, &hit), &count) in rays.iter().zip(&found.hits).zip(&found.counts) {
+        mask.insert(ray);
+        output.set(ray, hit, count);
     }
 }
 
-/// What one device brings back from its share of the samples.
-#[derive(Default)]
-struct Share {
-    parts: Vec<(Range<usize>, Vec<TestCounts>, Vec<Hit>)>,
-    walks: Vec<WalkDone>,
-    error: Option<DeviceError>,
-}
-
-fn walk_on_all(
+/// Has the rays whose hits are not believed walked by others.
+///
+/// # Errors
+/// When the caller cancels, or there are no others.
+pub(crate) fn find_again(
     members: &mut [Member],
-    rays: &[u32],
-    walk: Walk,
-    counts: &mut [TestCounts],
-    hits: &mut [Hit],
-    walks: &mut Vec<WalkDone>,
-) -> Result<(), Unwalked> {
-    let chunk = (rays.len() / (members.len() * CHUNKS_PER_DEVICE)).max(LEAST_CHUNK);
-    let open: Mutex<Vec<Range<usize>>> =
-        Mutex::new((0..rays.len()).step_by(chunk).map(|at| at..rays.len().min(at + chunk)).rev().collect());
-    // A failed device's chunk goes back to `open`, but the others may have left by then: go round until none is open.
-    let mut unable: Vec<(usize, DeviceError)> = Vec::new();
-    loop {
-        let shares: Vec<(usize, Share)> = std::thread::scope(|scope| {
-            let living = members
-                .iter_mut()
-                .enumerate()
-                .filter(|(index, member)| member.tracer.is_some() && unable.iter().all(|(unable, _)| unable != index));
-            let threads: Vec<_> = living
-                .map(|(index, member)| {
-                    let open = &open;
-                    (index, scope.spawn(move || walk_share(index, member, rays, walk, open)))
-                })
-                .collect();
-            threads.into_iter().filter_map(|(index, thread)| Some((index, thread.join().ok()?))).collect()
-        });
-        for (index, share) in shares {
-            for (range, part_counts, part_hits) in share.parts {
-                counts[range.clone()].copy_from_slice(&part_counts);
-                if !hits.is_empty() {
-                    hits[range].copy_from_slice(&part_hits);
-                }
-            }
-            walks.extend(share.walks);
-            match share.error {
-                // It has no such walk, and is as it was: the others walk.
-                Some(error) if error.kind() == DeviceErrorKind::Unsupported => unable.push((index, error)),
-                Some(error) => members[index].fail(&error),
-                None => {}
-            }
-        }
-        if open.lock().unwrap_or_else(PoisonError::into_inner).is_empty() {
-            return Ok(());
-        }
-        let able = |(index, member): (usize, &Member)| {
-            member.tracer.is_some() && unable.iter().all(|(unable, _)| *unable != index)
-        };
-        if !members.iter().enumerate().any(able) {
-            return Err(Unwalked(unable.pop()));
-        }
+    finders: &[Finders],
+    liars: &[usize],
+    output: &mut Output<'_>,
+    limits: &Limits,
+    control: Control<'_>,
+) -> Result<Vec<WalkDone>, BalanceError> {
+    let rays = finders.iter().flat_map(|finders| liars.iter().flat_map(|&liar| finders.rays_of(liar)));
+    let rays: Arc<Vec<u32>> = Arc::new(rays.collect());
+    if rays.is_empty() {
+        return Ok(Vec::new());
+    }
+    let found = walk_on_all(members, &rays, Walk::Full, limits, control)?;
+    for ((&ray, &hit), &count) in rays.iter().zip(&found.hits).zip(&found.counts) {
+        output.set(ray, hit, count);
+    }
+    Ok(found.walks)
+}
+
+/// Refuses rays that the stream does not have, before a device sees them.
+fn check_sample(estimator: &dyn CostEstimator, stream: &Stream, wanted: &[u32]) -> Result<(), BalanceError> {
+    let rays = stream.source.len();
+    match wanted.iter().find(|&&ray| ray >= rays) {
+        None => Ok(()),
+        Some(ray) => Err(BalanceError::Estimator {
+            estimator: estimator.name(),
+            mistake: format!("it asks for ray {ray}, but the stream has {rays} rays: name rays below that"),
+        }),
     }
 }
 
-/// Takes chunks until none is left or the device fails.
-fn walk_share(index: usize, member: &mut Member, rays: &[u32], walk: Walk, open: &Mutex<Vec<Range<usize>>>) -> Share {
-    let mut share = Share::default();
-    let Some(tracer) = &mut member.tracer else { return share };
-    let next = || open.lock().unwrap_or_else(PoisonError::into_inner).pop();
-    while let Some(range) = next() {
-        let chosen = &rays[range.clone()];
-        let mut counts = vec![TestCounts::default(); chosen.len()];
-        let mut hits = vec![Hit::MISS; if walk == Walk::Full { chosen.len() } else { 0 }];
-        let wanted_hits = (walk == Walk::Full).then_some(&mut hits[..]);
-        match tracer.walk(chosen, walk, &mut counts, wanted_hits) {
-            Ok(span) => {
-                share.walks.push(WalkDone {
-                    member: index,
-                    span,
-                    rays: chosen.len() as u32,
-                    boxes: counts.iter().map(|c| u64::from(c.boxes)).sum(),
-                    triangles: counts.iter().map(|c| u64::from(c.triangles)).sum(),
-                });
-                share.parts.push((range, counts, hits));
-            }
-            Err(error) => {
-                open.lock().unwrap_or_else(PoisonError::into_inner).push(range);
-                share.error = Some(error);
-                break;
-            }
-        }
+/// Refuses an answer that is not one entry for each task.
+fn check_work(estimator: &dyn CostEstimator, stream: &Stream, work: &[Work]) -> Result<(), BalanceError> {
+    let (found, tasks) = (work.len(), stream.tasks.len());
+    if found == tasks {
+        return Ok(());
     }
-    share
+    let mistake = format!("it estimates {found} tasks, but the stream has {tasks}: give one entry for each, in order");
+    Err(BalanceError::Estimator { estimator: estimator.name(), mistake })
 }

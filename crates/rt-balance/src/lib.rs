@@ -29,16 +29,21 @@
 //! stream; a stream has at most 2³² − 1 rays.
 #![forbid(unsafe_code)]
 
+mod answers;
 mod balancer;
+pub mod catalogue;
 mod clock;
+mod contain;
 #[cfg(feature = "cpu")]
 pub mod devices;
 mod error;
 mod estimate;
+mod limits;
 mod measure;
 mod member;
 pub mod middleware;
 mod models;
+mod output;
 mod plan;
 mod record;
 mod reference;
@@ -47,10 +52,14 @@ pub mod report;
 mod run;
 pub mod stats;
 mod stream;
+mod walk;
+mod worker;
 
+pub use answers::Audit;
 pub use balancer::Balancer;
 pub use clock::now as clock;
 pub use error::BalanceError;
+pub use limits::Limits;
 pub use reference::Reference;
 pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
 

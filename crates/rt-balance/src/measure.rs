@@ -47,6 +47,7 @@ pub(crate) fn measure(
         }
     }
     let mut activities: Vec<Activity> = estimated.walks.iter().map(|walk| walk.activity(times.origin)).collect();
+    activities.extend(ran.walks.iter().map(|walk| walk.activity(times.origin)));
     activities.extend(ran.launches.iter().map(|launch| launch.activity(times.origin)));
 
     let key = Key::of(&*scheduling.estimator, stream.kind);
@@ -111,7 +112,7 @@ pub(crate) fn learn_walks(members: &mut [Member], key: Option<Key>, estimated: &
 /// Adds every launch to the cost models.
 pub(crate) fn learn_launches(members: &mut [Member], key: Option<Key>, plan: &Plan, ran: &Ran) {
     let Some(key) = key else { return };
-    for launch in &ran.launches {
+    for launch in ran.launches.iter().filter(|launch| launch.whole) {
         let left = |task: TaskId| &plan.left[task as usize];
         members[launch.member].models.launched(key, launch, left);
     }
@@ -140,7 +141,7 @@ fn device_report(
     let own = || ran.launches.iter().filter(|launch| launch.member == index);
     let spans = activities.iter().filter(|a| a.device == index).map(|a| (a.start_s, a.end_s)).collect();
     let busy_s = union(spans);
-    let walks = estimated.walks.iter().filter(|walk| walk.member == index).map(|walk| walk.span);
+    let walks = estimated.walks.iter().chain(&ran.walks).filter(|walk| walk.member == index).map(|walk| walk.span);
     // Kernels of one device run one after the other.
     let kernel_s: f64 = walks.chain(own().map(|launch| launch.span)).map(|span| span.in_kernel.as_secs_f64()).sum();
     let traffic = member.traffic();
@@ -157,8 +158,10 @@ fn device_report(
         tasks: own().map(|launch| launch.outcomes.len() as u32).sum(),
         rays: own().map(|launch| u64::from(launch.rays)).sum(),
         model: None,
-        note: member.tracer.as_ref().and_then(|tracer| tracer.note()).map(str::to_owned),
-        error: member.failure.clone(),
+        audited: member.checked.audited,
+        refused: member.checked.refused,
+        note: member.note(),
+        error: member.failure().map(str::to_owned),
     }
 }
 

@@ -113,7 +113,7 @@ const UNKNOWN: f64 = 16.0;
 /// What a stream is expected to lose without an estimate, as a share of its makespan: all of it in static queues, where the
 /// devices are not known to be equally fast.
 pub(crate) fn blind_excess(members: &[Member], queue: QueueKind, tasks: usize) -> f64 {
-    let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].tracer.is_some()).collect();
+    let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
     let speeds = if lanes.len() > 1 { speeds(members, &lanes) } else { Some(vec![1.0]) };
     let unequal = speeds.map_or(UNKNOWN, |speeds| blind::unequal(&speeds));
     match queue {

@@ -37,6 +37,8 @@ pub(crate) struct LaunchDone {
     pub(crate) span: Span,
     pub(crate) rays: u32,
     pub(crate) outcomes: Vec<TaskOutcome>,
+    /// Whether all of the launch's tasks are among the outcomes: another device may have been faster with some.
+    pub(crate) whole: bool,
     /// Whether the outcomes' seconds were measured per task, not apportioned.
     pub(crate) per_task: bool,
 }

@@ -1,19 +1,19 @@
 //! The separate pass that makes excess and estimation errors known.
 
 use crate::balancer::Balancer;
+use crate::limits::{Heard, earlier, hear};
 use crate::measure::tests_of;
-use crate::member::Member;
+use crate::member::{Member, all_lost, cancelled};
 use crate::report::{ErrorReport, StreamRun};
 use crate::stats::median;
-use crate::{BalanceError, Stream, clock};
-use rt_core::{DeviceError, Launch, TestCounts};
+use crate::worker::{Answer, Call, Done};
+use crate::{Audit, BalanceError, Control, Limits, Stream, clock};
+use rt_core::{Launch, TestCounts};
 use rt_sched::calibrate::cross_predicted;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::{bound, metrics};
-use std::time::Duration;
-
-/// Longest wait for one task of the pass.
-const LIMIT: Duration = Duration::from_secs(600);
+use std::sync::mpsc::channel;
+use std::time::Instant;
 
 /// What every task of a stream costs, measured by itself.
 #[derive(Clone, Debug)]
@@ -36,33 +36,119 @@ impl Balancer {
     /// learned from it, so the runs it judges are not fitted to it.
     ///
     /// # Errors
-    /// When the stream's tasks do not cover its rays, or every device failed.
-    pub fn reference(&mut self, stream: &Stream, passes: usize) -> Result<Reference, BalanceError> {
+    /// When the stream's tasks do not cover its rays, the caller cancels, or every device failed.
+    pub fn reference(
+        &mut self,
+        stream: &Stream,
+        passes: usize,
+        limits: &Limits,
+        control: Control<'_>,
+    ) -> Result<Reference, BalanceError> {
         stream.check()?;
         let begin = clock::now();
-        self.load(stream)?;
-        let mut seconds: Vec<Vec<f64>> = std::thread::scope(|scope| {
-            let time = |member| scope.spawn(move || time_tasks(member, stream, passes.max(1)));
-            let threads: Vec<_> = self.members().iter_mut().map(time).collect();
-            threads.into_iter().map(|thread| thread.join().unwrap_or_default()).collect()
-        });
+        let untouched = |error: BalanceError| error.with_unfinished(stream.tasks.len());
+        self.members().iter_mut().for_each(Member::begin);
+        self.load(stream, limits, Audit::OFF, control).map_err(untouched)?;
+        let passes = passes.max(1);
+        let mut seconds: Vec<Vec<Vec<f64>>> =
+            self.members().iter().map(|_| vec![Vec::new(); stream.tasks.len()]).collect();
+        let all = |_: &Member| true;
+        one_by_one(self.members(), stream, passes, all, limits, control, |member, task, launch| {
+            seconds[member.index][task].push(match launch.task_seconds.first() {
+                Some(&seconds) => f64::from(seconds),
+                None => (launch.span.in_kernel.as_secs_f64() - member.models.per_launch()).max(0.0),
+            });
+        })
+        .map_err(untouched)?;
+
         let mut counted = stream.clone();
         counted.spec.counts = true;
-        self.load(&counted)?;
-        let mut tests = None;
-        for (member, seconds) in self.members().iter_mut().zip(&mut seconds) {
-            if member.tracer.is_none() {
-                seconds.clear();
-            } else if tests.is_none() {
-                tests = on_tracer(member, |tracer| count_tasks(tracer, &counted));
+        self.load(&counted, limits, Audit::OFF, control).map_err(untouched)?;
+        let mut counts = vec![TestCounts::default(); stream.source.len() as usize];
+        // Counts do not depend on the device: the first that can be had.
+        while let Some(first) = self.members().iter().find(|member| member.is_ready()).map(|member| member.index) {
+            let only = |member: &Member| member.index == first;
+            let left = one_by_one(self.members(), &counted, 1, only, limits, control, |_, task, launch| {
+                let task = stream.tasks[task];
+                counts[task.first as usize..(task.first + task.rays) as usize].copy_from_slice(&launch.counts);
+            });
+            if left.map_err(untouched)? == 0 {
+                break;
             }
         }
-        let Some(tests) = tests else {
-            return Err(crate::member::all_lost(self.members(), stream.tasks.len()));
+        if !self.members().iter().any(Member::is_ready) {
+            return Err(all_lost(self.members(), stream.tasks.len()));
+        }
+        let whole = |seconds: &[Vec<f64>]| seconds.iter().all(|seconds| seconds.len() == passes);
+        let of = |seconds: Vec<Vec<f64>>| {
+            if whole(&seconds) { seconds.iter().map(|s| median(s)).collect() } else { Vec::new() }
         };
+        let seconds: Vec<Vec<f64>> = seconds.into_iter().map(of).collect();
+        let tests = tests_of(stream, &counts);
         let lower_bound_s = lower_bound(&seconds);
         let wall_s = clock::now().saturating_sub(begin).as_secs_f64();
         Ok(Reference { seconds, tests, lower_bound_s, wall_s })
+    }
+}
+
+/// Has each device that is ready and `chosen` trace every task by itself, `passes` times, and hands each launch to `sink`.
+/// Returns the number of launches that came to nothing, since devices failed.
+fn one_by_one(
+    members: &mut [Member],
+    stream: &Stream,
+    passes: usize,
+    chosen: impl Fn(&Member) -> bool,
+    limits: &Limits,
+    control: Control<'_>,
+    mut sink: impl FnMut(&Member, usize, &Launch),
+) -> Result<usize, BalanceError> {
+    let (to, answers) = channel();
+    let all = stream.tasks.len() * passes;
+    let ask = |member: &mut Member, number: usize| {
+        member.tell(Call::Submit { tasks: vec![stream.tasks[number % stream.tasks.len()]], done: None });
+        let buffers = std::mem::take(&mut member.buffers);
+        member.ask(Call::Wait { buffers }, &to);
+    };
+    let mut done = vec![all; members.len()];
+    for member in members.iter_mut().filter(|member| all > 0 && member.is_ready() && chosen(member)) {
+        done[member.index] = 0;
+        ask(member, 0);
+    }
+    loop {
+        let busy = || done.iter().enumerate().filter(|(_, done)| **done < all).map(|(index, _)| index);
+        let busy: Vec<usize> = busy().filter(|&index| members[index].is_alive()).collect();
+        if busy.is_empty() {
+            return Ok(done.iter().map(|done| all - done).sum());
+        }
+        let lost_at = busy.iter().fold(None, |at, &index| earlier(at, members[index].lost_at(limits)));
+        match hear(&answers, lost_at, control) {
+            Heard::Answer(Answer { member: index, result, status }) => {
+                let member = &mut members[index];
+                member.answered(&status);
+                match result {
+                    Ok(Done::Launched(launch, _)) => {
+                        sink(member, done[index] % stream.tasks.len(), &launch);
+                        member.buffers = launch;
+                        done[index] += 1;
+                        if done[index] < all {
+                            ask(member, done[index]);
+                        }
+                    }
+                    // Nothing else was asked for.
+                    Ok(_) => {}
+                    Err(error) => member.fail(error),
+                }
+            }
+            Heard::Late => {
+                let now = Instant::now();
+                for index in busy {
+                    if members[index].lost_at(limits).is_some_and(|at| at <= now) {
+                        members[index].give_up(limits);
+                    }
+                }
+            }
+            Heard::Cancelled => return Err(cancelled()),
+        }
     }
 }
 
@@ -107,54 +193,4 @@ impl Reference {
 fn lower_bound(seconds: &[Vec<f64>]) -> f64 {
     let living: Vec<&[f64]> = seconds.iter().filter(|s| !s.is_empty()).map(Vec::as_slice).collect();
     bound::unrelated(&living)
-}
-
-/// Runs something on a member's tracer; a failure drops the member out.
-fn on_tracer<T>(
-    member: &mut Member,
-    work: impl FnOnce(&mut dyn rt_core::Tracer) -> Result<T, DeviceError>,
-) -> Option<T> {
-    let tracer = member.tracer.as_mut()?;
-    match work(&mut **tracer) {
-        Ok(value) => Some(value),
-        Err(error) => {
-            member.fail(&error);
-            None
-        }
-    }
-}
-
-/// Median seconds of each task; empty when the device failed.
-fn time_tasks(member: &mut Member, stream: &Stream, passes: usize) -> Vec<f64> {
-    let mut samples = vec![Vec::with_capacity(passes); stream.tasks.len()];
-    let launch_s = member.models.per_launch();
-    let done = on_tracer(member, |tracer| {
-        let mut launch = Launch::default();
-        for _ in 0..passes {
-            for (&task, samples) in stream.tasks.iter().zip(&mut samples) {
-                let ticket = tracer.submit(&[task], None)?;
-                tracer.wait(ticket, LIMIT, &mut launch)?;
-                samples.push(match launch.task_seconds.first() {
-                    Some(&seconds) => f64::from(seconds),
-                    None => (launch.span.in_kernel.as_secs_f64() - launch_s).max(0.0),
-                });
-            }
-        }
-        Ok(())
-    });
-    if done.is_none() {
-        return Vec::new();
-    }
-    samples.iter().map(|s| median(s)).collect()
-}
-
-fn count_tasks(tracer: &mut dyn rt_core::Tracer, stream: &Stream) -> Result<Vec<f64>, DeviceError> {
-    let mut counts = vec![TestCounts::default(); stream.source.len() as usize];
-    let mut launch = Launch::default();
-    for &task in &stream.tasks {
-        let ticket = tracer.submit(&[task], None)?;
-        tracer.wait(ticket, LIMIT, &mut launch)?;
-        counts[task.first as usize..(task.first + task.rays) as usize].copy_from_slice(&launch.counts);
-    }
-    Ok(tests_of(stream, &counts))
 }

@@ -142,7 +142,12 @@ pub struct DeviceReport {
     pub rays: u64,
     /// Its prices for streams of this kind and this estimator; `None` before any were measured.
     pub model: Option<ModelReport>,
-    /// What people should know of how it holds the scene, such as one tree where both do not fit.
+    /// Rays whose hits the host traced again to see whether they are right.
+    pub audited: u64,
+    /// Rays whose hits the host refused and replaced by its own.
+    pub refused: u64,
+    /// What people should know of how it holds the scene, such as one tree where both do not fit, or of its part in the
+    /// stream, such as that it was late.
     pub note: Option<String>,
     /// Why the device dropped out, if it did.
     pub error: Option<String>,

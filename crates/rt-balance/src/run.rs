@@ -1,264 +1,454 @@
-//! Runs a plan: one host thread per device, two launches in flight, every task finished exactly once.
+//! Runs a plan: two launches in flight on every device, every task finished exactly once.
+//!
+//! One thread decides, the caller's: it hears devices' threads through one channel, copies results, asks the queue what comes
+//! next, and looks at the clock. So a queue, a callback or a slow device meets no other thread in here, nothing is
+//! locked, and a device that does not answer costs the others nothing.
+//!
+//! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late, answers
+//! for nothing. Tasks of a device that is not believed any more are open again, all of them.
 
-use crate::member::{Member, Outputs, all_lost};
+use crate::estimate::{Finders, find_again};
+use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
+use crate::member::{Member, all_lost};
+use crate::output::Output;
 use crate::plan::Plan;
-use crate::record::LaunchDone;
+use crate::record::{LaunchDone, WalkDone};
+use crate::worker::{Answer, Call, Done};
 use crate::{BalanceError, Control, Stream};
-use rt_core::{DeviceError, DeviceErrorKind, Launch, Task, TaskId, TaskOutcome, Ticket, Tracer};
-use rt_sched::queue::{Pop, TaskQueue};
+use rt_core::{Launch, Task, TaskId, TaskOutcome};
+use rt_sched::queue::Pop;
 use std::collections::VecDeque;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
-
-/// Longest sleep of a device that waits for others; the bell wakes it sooner, this only bounds a missed ring.
-const NAP: Duration = Duration::from_millis(5);
 
 /// What happened.
 #[derive(Debug, Default)]
 pub(crate) struct Ran {
     pub(crate) launches: Vec<LaunchDone>,
+    /// Walks of rays whose hits were not believed.
+    pub(crate) walks: Vec<WalkDone>,
 }
 
-/// What the device threads share.
-struct Shared<'a, 'o> {
-    stream: &'a Stream,
-    plan: &'a Plan,
-    outputs: &'a Mutex<Outputs<'o>>,
-    control: Control<'a>,
-    limit: Duration,
-    bell: Bell,
-    /// Lanes that have taken their first launch.
-    begun: AtomicUsize,
-    rays_done: AtomicU64,
-}
-
-/// Longest wait of a device for the others to take their first launch: threads start within some 100 µs, and one that does
-/// not must not hold up the rest.
-const START: Duration = Duration::from_millis(1);
-
-/// Wakes devices that wait for work when something changed.
-#[derive(Default)]
-struct Bell {
-    rings: Mutex<u64>,
-    changed: Condvar,
-}
-
-impl Bell {
-    fn rings(&self) -> u64 {
-        *self.rings.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn ring(&self) {
-        *self.rings.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-        self.changed.notify_all();
-    }
-
-    /// Waits until the bell has rung since `heard`, or a nap long.
-    fn wait(&self, heard: u64) {
-        let rings = self.rings.lock().unwrap_or_else(PoisonError::into_inner);
-        // Waking early or late only costs another look at the queue.
-        drop(self.changed.wait_timeout_while(rings, NAP, |rings| *rings == heard));
-    }
-}
-
+/// Traces every task of the plan.
+///
+/// # Errors
+/// When the caller cancels, every device failed, or the queue breaks its promises. Finished tasks are in `output` even then.
 pub(crate) fn run(
     members: &mut [Member],
     stream: &Stream,
     plan: &Plan,
-    outputs: &Mutex<Outputs<'_>>,
+    finders: &[Finders],
+    output: &mut Output<'_>,
+    limits: &Limits,
     control: Control<'_>,
-    limit: Duration,
 ) -> Result<Ran, BalanceError> {
-    let shared = Shared {
+    let (to, answers) = channel();
+    let run = Run {
         stream,
         plan,
-        outputs,
+        finders,
+        limits,
         control,
-        limit,
-        bell: Bell::default(),
-        begun: AtomicUsize::new(0),
-        rays_done: AtomicU64::new(0),
+        lanes: plan.lanes.iter().map(|&member| Lane::new(member, members[member].info.in_flight)).collect(),
+        by: vec![None; stream.tasks.len()],
+        open: stream.tasks.len(),
+        again: Vec::new(),
+        predicted_s: 0.0,
+        measured_s: 0.0,
+        rays_done: 0,
+        repaired: Vec::new(),
+        to,
+        answers,
+        ran: Ran::default(),
     };
-    let mut ran = Ran::default();
-    std::thread::scope(|scope| {
-        let shared = &shared;
-        // Lanes are member positions in increasing order, so one pass hands out disjoint borrows.
-        let mut rest = members.iter_mut().enumerate();
-        let lanes = plan.lanes.iter().enumerate();
-        let handles: Vec<_> = lanes
-            .filter_map(|(lane, &index)| {
-                let (_, member) = rest.find(|(i, _)| *i == index)?;
-                Some(scope.spawn(move || Lane { lane, index, shared, in_flight: VecDeque::new() }.drive(member)))
-            })
-            .collect();
-        for handle in handles {
-            if let Ok(launches) = handle.join() {
-                ran.launches.extend(launches);
-            }
+    run.all(members, output)
+}
+
+/// A launch that a device was asked for.
+#[derive(Debug)]
+struct Flight {
+    /// In the stream's order.
+    tasks: Vec<TaskId>,
+    /// Whether the queue handed them out; else they are done again.
+    queued: bool,
+    predicted_s: f64,
+}
+
+/// A device's part in the run. Its position among all is the queue's number for it.
+#[derive(Debug)]
+struct Lane {
+    member: usize,
+    /// How many launches may be in flight.
+    capacity: usize,
+    /// Oldest first.
+    in_flight: VecDeque<Flight>,
+    /// Whether it was asked for the results of the oldest.
+    waiting: bool,
+    /// Since when it may have been at the oldest.
+    since: Instant,
+    /// Whether its tasks were given to others, too.
+    late: bool,
+    /// Whether that ever was so: then the queue may take it for lost.
+    was_late: bool,
+    alive: bool,
+}
+
+impl Lane {
+    fn new(member: usize, capacity: u32) -> Self {
+        Self {
+            member,
+            capacity: capacity.max(1) as usize,
+            in_flight: VecDeque::new(),
+            waiting: false,
+            since: Instant::now(),
+            late: false,
+            was_late: false,
+            alive: true,
         }
-    });
-    let finished: usize = ran.launches.iter().map(|launch| launch.outcomes.len()).sum();
-    match stream.tasks.len() - finished {
-        0 => Ok(ran),
-        unfinished if control.is_cancelled() => Err(BalanceError::Cancelled { unfinished }),
-        unfinished => Err(all_lost(members, unfinished)),
+    }
+
+    const fn is_punctual(&self) -> bool {
+        self.alive && !self.late
     }
 }
 
-/// One device's thread.
-struct Lane<'a, 'o> {
-    /// The queue's number for the device.
-    lane: usize,
-    /// Its position among all members.
-    index: usize,
-    shared: &'a Shared<'a, 'o>,
-    in_flight: VecDeque<(Ticket, Vec<TaskId>)>,
+struct Run<'a> {
+    stream: &'a Stream,
+    plan: &'a Plan,
+    finders: &'a [Finders],
+    limits: &'a Limits,
+    control: Control<'a>,
+    lanes: Vec<Lane>,
+    /// Which member finished each task.
+    by: Vec<Option<usize>>,
+    /// Tasks that are not finished.
+    open: usize,
+    /// Open tasks that the queue will not hand out any more, or not for certain.
+    again: Vec<TaskId>,
+    /// Predicted and measured seconds of all launches so far.
+    predicted_s: f64,
+    measured_s: f64,
+    rays_done: u64,
+    /// Devices that are not believed, whose answers are all replaced.
+    repaired: Vec<usize>,
+    to: Sender<Answer>,
+    answers: Receiver<Answer>,
+    ran: Ran,
 }
 
-impl Lane<'_, '_> {
-    fn drive(mut self, member: &mut Member) -> Vec<LaunchDone> {
-        let mut launches = Vec::new();
-        let capacity = member.info.in_flight.max(1) as usize;
-        // A panic in one backend must not leave the others waiting for its tasks.
-        let result = catch_unwind(AssertUnwindSafe(|| match &mut member.tracer {
-            Some(tracer) => self.work(&mut **tracer, capacity, &mut member.buffers, &mut launches),
-            None => Ok(()),
-        }))
-        .unwrap_or_else(|_| Err(DeviceError::new(DeviceErrorKind::Lost, "the backend panicked")));
-        if let Err(error) = result {
-            let unfinished: Vec<TaskId> = self.in_flight.drain(..).flat_map(|(_, tasks)| tasks).collect();
-            self.shared.plan.queue.retire(self.lane, &unfinished);
-            member.fail(&error);
-            self.shared.bell.ring();
+impl Run<'_> {
+    fn all(mut self, members: &mut [Member], output: &mut Output<'_>) -> Result<Ran, BalanceError> {
+        // Every device takes its first launch before any takes its second: queues hand out the most expensive tasks first,
+        // and two of them on one device could be the makespan.
+        for lane in 0..self.lanes.len() {
+            self.feed(lane, 1, members)?;
         }
-        launches
-    }
-
-    fn work(
-        &mut self,
-        tracer: &mut dyn Tracer,
-        capacity: usize,
-        buffers: &mut Launch,
-        launches: &mut Vec<LaunchDone>,
-    ) -> Result<(), DeviceError> {
-        let queue: &dyn TaskQueue = &*self.shared.plan.queue;
-        let mut begun = false;
         loop {
-            let heard = self.shared.bell.rings();
-            let mut last = Pop::Done;
-            while self.in_flight.len() < capacity && !self.shared.control.is_cancelled() {
-                let mut tasks = Vec::new();
-                last = queue.pop(self.lane, &mut tasks);
-                if last != Pop::Launch {
+            for lane in 0..self.lanes.len() {
+                self.feed(lane, usize::MAX, members)?;
+            }
+            let is_busy = |lane: &Lane| !lane.in_flight.is_empty();
+            if self.open == 0 {
+                let liars = self.liars(members);
+                if liars.is_empty() {
                     break;
                 }
-                // Dearest first is for choosing them: in a launch neighbours belong together, for caches, and since ranges of rays
-                // that follow each other are one.
-                tasks.sort_unstable();
-                let ranges: Vec<Task> = tasks.iter().map(|&id| self.shared.stream.tasks[id as usize]).collect();
-                let ticket = tracer.submit(&ranges, self.shared.plan.kept.as_ref());
-                // In flight before the error is looked at, so that a failed submit's tasks are given back too.
-                self.in_flight.push_back((ticket.as_ref().map_or(Ticket(u64::MAX), |t| *t), tasks));
-                ticket?;
-                if !std::mem::replace(&mut begun, true) {
-                    self.begin();
-                    self.others_begin();
-                }
-            }
-            if !std::mem::replace(&mut begun, true) {
-                self.begin();
-            }
-            let Some((ticket, _)) = self.in_flight.front() else {
-                if last == Pop::Wait && !self.shared.control.is_cancelled() {
-                    self.shared.bell.wait(heard);
+                // Whoever is to help is at rest first.
+                if !self.lanes.iter().any(|lane| is_busy(lane) && !lane.late) {
+                    self.repair(&liars, members, output)?;
                     continue;
                 }
-                return Ok(());
-            };
-            tracer.wait(*ticket, self.shared.limit, buffers)?;
-            self.check(buffers)?;
-            if let Some((_, tasks)) = self.in_flight.pop_front() {
-                launches.push(self.take(&tasks, buffers));
-                queue.finish(self.lane, &tasks);
-                self.shared.bell.ring();
+            }
+            if !self.lanes.iter().any(is_busy) {
+                if !self.lanes.iter().any(|lane| lane.alive) {
+                    return Err(all_lost(members, self.open));
+                }
+                self.revive(members)?;
+                continue;
+            }
+            match hear(&self.answers, self.deadline(members), self.control) {
+                Heard::Answer(answer) => self.take(answer, members, output)?,
+                Heard::Late => self.look(members),
+                Heard::Cancelled => return Err(BalanceError::Cancelled { unfinished: self.open }),
+            }
+        }
+        for lane in self.lanes.iter().filter(|lane| lane.late && !lane.in_flight.is_empty()) {
+            members[lane.member].set_late();
+        }
+        Ok(self.ran)
+    }
+
+    /// Gives a device launches until it has `most`, or as many as it can have, or there is nothing for it.
+    fn feed(&mut self, lane: usize, most: usize, members: &mut [Member]) -> Result<(), BalanceError> {
+        let most = most.min(self.lanes[lane].capacity);
+        while self.lanes[lane].is_punctual() && self.lanes[lane].in_flight.len() < most {
+            let Some((tasks, queued)) = self.next(lane)? else { break };
+            let ranges: Vec<Task> = tasks.iter().map(|&id| self.stream.tasks[id as usize]).collect();
+            let predicted_s = tasks.iter().map(|&id| self.plan.seconds(lane, id)).sum();
+            let Lane { member, in_flight, since, .. } = &mut self.lanes[lane];
+            if in_flight.is_empty() {
+                *since = Instant::now();
+            }
+            // In flight before it is asked for: whatever becomes of that, its tasks are known.
+            in_flight.push_back(Flight { tasks, queued, predicted_s });
+            members[*member].tell(Call::Submit { tasks: ranges, done: self.plan.kept.clone() });
+        }
+        let Lane { member, in_flight, waiting, alive, .. } = &mut self.lanes[lane];
+        if *alive && !*waiting && !in_flight.is_empty() {
+            let buffers = std::mem::take(&mut members[*member].buffers);
+            members[*member].ask(Call::Wait { buffers }, &self.to);
+            *waiting = true;
+        }
+        Ok(())
+    }
+
+    /// The tasks of a device's next launch, in the stream's order, and whether they come from the queue.
+    fn next(&mut self, lane: usize) -> Result<Option<(Vec<TaskId>, bool)>, BalanceError> {
+        let queue = &*self.plan.queue;
+        let mut tasks = Vec::new();
+        // A queue that keeps its promises hands out as many launches as there are tasks, at most, and each once again
+        // where a device was late.
+        for _ in 0..=2 * self.by.len() {
+            if queue.pop(lane, &mut tasks) != Pop::Launch {
+                return Ok(self.next_again());
+            }
+            self.check_popped(&tasks)?;
+            // The most expensive first is for choosing them: in a launch neighbours belong together, for caches, and since
+            // ranges of rays that follow each other are one.
+            tasks.sort_unstable();
+            tasks.dedup();
+            let (open, finished): (Vec<TaskId>, Vec<TaskId>) =
+                tasks.iter().partition(|&&task| self.by[task as usize].is_none());
+            if !finished.is_empty() {
+                queue.finish(lane, &finished);
+            }
+            if !open.is_empty() {
+                return Ok(Some((open, true)));
+            }
+        }
+        Err(self.mistake("it hands out tasks for ever that are finished".to_owned()))
+    }
+
+    fn check_popped(&self, tasks: &[TaskId]) -> Result<(), BalanceError> {
+        let all = self.by.len();
+        match tasks.iter().find(|&&task| task as usize >= all) {
+            Some(task) => Err(self.mistake(format!("it hands out task {task}, but there are only {all}"))),
+            None if tasks.is_empty() => Err(self.mistake("it hands out a launch without tasks".to_owned())),
+            None => Ok(()),
+        }
+    }
+
+    fn mistake(&self, mistake: String) -> BalanceError {
+        BalanceError::Queue { queue: self.plan.queue_name, mistake }
+    }
+
+    /// Half of an equal share of the tasks that are to be done again.
+    fn next_again(&mut self) -> Option<(Vec<TaskId>, bool)> {
+        let by = &self.by;
+        self.again.retain(|&task| by[task as usize].is_none());
+        let punctual = self.lanes.iter().filter(|lane| lane.is_punctual()).count();
+        let share = self.again.len().div_ceil(2 * punctual.max(1));
+        let mut tasks = self.again.split_off(self.again.len() - share);
+        tasks.sort_unstable();
+        tasks.dedup();
+        (!tasks.is_empty()).then_some((tasks, false))
+    }
+
+    /// Nobody does anything, and some tasks are open: all that are goes round again, unless that is the queue's mistake.
+    fn revive(&mut self, members: &[Member]) -> Result<(), BalanceError> {
+        let open = (0..).zip(&self.by).filter(|(_, by)| by.is_none()).map(|(task, _)| task);
+        let open: Vec<TaskId> = open.collect();
+        // Then the queue may take devices for lost that have come back.
+        let misled = self.lanes.iter().any(|lane| lane.was_late) || members.iter().any(|member| member.lied);
+        match open.first() {
+            Some(task) if !misled => {
+                let (left, all) = (open.len(), self.by.len());
+                Err(self.mistake(format!("it hands out no more, but {left} of {all} tasks are open, such as {task}")))
+            }
+            _ => {
+                self.again = open;
+                Ok(())
             }
         }
     }
 
-    /// Says that this device has its first launch, or that there is none for it.
-    fn begin(&self) {
-        self.shared.begun.fetch_add(1, Ordering::AcqRel);
-    }
-
-    /// Lets every device take its first launch before any takes its second: queues hand out the dearest tasks first, and two
-    /// of them on one device could be the makespan.
-    fn others_begin(&self) {
-        let Shared { begun, plan, .. } = self.shared;
-        let start = Instant::now();
-        while begun.load(Ordering::Acquire) < plan.lanes.len() && start.elapsed() < START {
-            std::thread::yield_now();
+    /// When the others are to do a device's tasks, too.
+    fn late_at(&self, lane: &Lane) -> Option<Instant> {
+        let others = self.lanes.iter().filter(|lane| lane.is_punctual()).count();
+        if lane.late || others < 2 {
+            return None;
         }
+        let flight = lane.in_flight.front()?;
+        // Prices may not be known yet, or be those of another stream.
+        let overrun = if self.predicted_s > 0.0 { (self.measured_s / self.predicted_s).max(1.0) } else { 1.0 };
+        let expected = Duration::try_from_secs_f64(OVERRUN * overrun * flight.predicted_s).unwrap_or(Duration::MAX);
+        after(lane.since, self.limits.late).and_then(|at| after(at, expected))
     }
 
-    /// Refuses a launch that does not answer for every ray it was given, before any of it reaches the caller.
-    fn check(&self, launch: &Launch) -> Result<(), DeviceError> {
-        let Shared { stream, .. } = self.shared;
-        let tasks = self.in_flight.front().map_or(&[][..], |(_, tasks)| tasks);
-        let rays: usize = tasks.iter().map(|&id| stream.tasks[id as usize].rays as usize).sum();
-        if launch.hits.len() == rays && (!stream.spec.counts || launch.counts.len() == rays) {
-            return Ok(());
-        }
-        let message = format!("a launch of {rays} rays came back with {} hits", launch.hits.len());
-        Err(DeviceError::new(DeviceErrorKind::Lost, message))
+    fn deadline(&self, members: &[Member]) -> Option<Instant> {
+        let waiting = self.lanes.iter().filter(|lane| lane.waiting);
+        waiting.fold(None, |deadline, lane| {
+            earlier(deadline, earlier(self.late_at(lane), members[lane.member].lost_at(self.limits)))
+        })
     }
 
-    /// Copies a launch's results to the caller's slices and notes what it took.
-    fn take(&self, tasks: &[TaskId], launch: &Launch) -> LaunchDone {
-        let Shared { stream, plan, .. } = self.shared;
-        let mut out = self.shared.outputs.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut at = 0;
-        for &id in tasks {
-            let task = stream.tasks[id as usize];
-            let (from, to) = (at..at + task.rays as usize, task.first as usize..(task.first + task.rays) as usize);
-            at = from.end;
-            let masked = |ray: usize| plan.kept.as_ref().is_some_and(|mask| mask.contains(ray as u32));
-            copy(&launch.hits[from.clone()], &mut out.hits[to.clone()], to.start, masked);
-            if let (Some(counts), true) = (&mut out.counts, stream.spec.counts) {
-                copy(&launch.counts[from], &mut counts[to.clone()], to.start, masked);
+    /// Looks for devices that are late.
+    fn look(&mut self, members: &mut [Member]) {
+        let now = Instant::now();
+        let passed = |at: Option<Instant>| at.is_some_and(|at| at <= now);
+        for lane in 0..self.lanes.len() {
+            let Lane { member, waiting, .. } = self.lanes[lane];
+            if waiting && passed(members[member].lost_at(self.limits)) {
+                members[member].give_up(self.limits);
+                self.lose(lane, members);
+            } else if waiting && passed(self.late_at(&self.lanes[lane])) {
+                self.give_back(lane);
+                let lane = &mut self.lanes[lane];
+                (lane.late, lane.was_late) = (true, true);
+                members[lane.member].remark = Some("it was late: others did its work, too".to_owned());
             }
         }
-        drop(out);
-        let rays = at as u64;
-        let done = self.shared.rays_done.fetch_add(rays, Ordering::Relaxed) + rays;
-        self.shared.control.report(done, u64::from(stream.source.len()));
+    }
 
-        let predicted: Vec<f64> = tasks.iter().map(|&id| plan.seconds(self.lane, id)).collect();
-        let per_task = launch.task_seconds.len() == tasks.len();
-        let total: f64 = predicted.iter().sum();
-        let busy = launch.span.in_kernel.as_secs_f64();
-        let measured = |i: usize| match launch.task_seconds.get(i) {
-            Some(&seconds) if per_task => f64::from(seconds),
-            _ if total > 0.0 => busy * predicted[i] / total,
-            _ => busy / tasks.len() as f64,
+    /// Has others do what a device has in flight.
+    fn give_back(&mut self, lane: usize) {
+        let open = |queued: bool| {
+            let flights = self.lanes[lane].in_flight.iter().filter(move |flight| flight.queued == queued);
+            flights.flat_map(|flight| &flight.tasks).copied().collect::<Vec<TaskId>>()
         };
-        let outcome = |(i, &task)| TaskOutcome { task, predicted_s: predicted[i], measured_s: measured(i) };
-        LaunchDone {
-            member: self.index,
-            span: launch.span,
-            rays: at as u32,
-            outcomes: tasks.iter().enumerate().map(outcome).collect(),
-            per_task,
+        self.plan.queue.retire(lane, &open(true));
+        let again = open(false);
+        self.again.extend(again);
+    }
+
+    /// Goes on without a device that has failed.
+    fn lose(&mut self, lane: usize, members: &[Member]) {
+        self.give_back(lane);
+        let Lane { member, in_flight, waiting, alive, .. } = &mut self.lanes[lane];
+        in_flight.clear();
+        (*waiting, *alive) = (false, false);
+        let member = *member;
+        if members[member].lied {
+            self.disbelieve(member);
         }
+    }
+
+    /// Opens the tasks again that a device has finished.
+    fn disbelieve(&mut self, member: usize) {
+        for (task, by) in (0..).zip(&mut self.by).filter(|(_, by)| **by == Some(member)) {
+            *by = None;
+            self.again.push(task);
+            self.open += 1;
+            self.rays_done -= u64::from(self.stream.tasks[task as usize].rays);
+        }
+        for launch in self.ran.launches.iter_mut().filter(|launch| launch.member == member) {
+            launch.outcomes.clear();
+            (launch.rays, launch.whole) = (0, false);
+        }
+    }
+
+    /// Devices whose answers are not believed and not replaced yet.
+    fn liars(&self, members: &[Member]) -> Vec<usize> {
+        let liars = members.iter().filter(|member| member.lied).map(|member| member.index);
+        liars.filter(|liar| !self.repaired.contains(liar)).collect()
+    }
+
+    /// Replaces what devices brought that are not believed. It may be that another one is found out by that.
+    fn repair(&mut self, liars: &[usize], members: &mut [Member], output: &mut Output<'_>) -> Result<(), BalanceError> {
+        self.repaired.extend(liars);
+        liars.iter().for_each(|&liar| self.disbelieve(liar));
+        let found = find_again(members, self.finders, liars, output, self.limits, self.control);
+        self.ran.walks.extend(found.map_err(|error| error.with_unfinished(self.open))?);
+        for lane in 0..self.lanes.len() {
+            if self.lanes[lane].alive && !members[self.lanes[lane].member].is_alive() {
+                self.lose(lane, members);
+            }
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, answer: Answer, members: &mut [Member], output: &mut Output<'_>) -> Result<(), BalanceError> {
+        let Answer { member, result, status } = answer;
+        let Some(lane) = self.lanes.iter().position(|lane| lane.member == member) else { return Ok(()) };
+        members[member].answered(&status);
+        self.lanes[lane].waiting = false;
+        match result {
+            Ok(Done::Launched(launch, checked)) => {
+                members[member].checked.add(checked);
+                self.keep(lane, &launch, output);
+                members[member].buffers = launch;
+                self.control.report(self.rays_done, u64::from(self.stream.source.len()));
+            }
+            // Nothing else was asked for.
+            Ok(_) => {}
+            Err(error) => {
+                members[member].fail(error);
+                self.lose(lane, members);
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the results of a device's oldest launch, but for tasks that another was faster with.
+    fn keep(&mut self, index: usize, launch: &Launch, output: &mut Output<'_>) {
+        let lane = &mut self.lanes[index];
+        let Some(flight) = lane.in_flight.pop_front() else { return };
+        let (member, back) = (lane.member, std::mem::replace(&mut lane.late, false));
+        lane.since = Instant::now();
+        let Plan { queue, kept, .. } = self.plan;
+        let outcomes = self.outcomes(index, &flight, launch);
+        let mut won = Vec::with_capacity(outcomes.len());
+        let (mut from, mut rays) = (0, 0);
+        for outcome in outcomes {
+            let task = self.stream.tasks[outcome.task as usize];
+            if self.by[outcome.task as usize].is_none() {
+                output.write(task, launch, from, kept.as_deref());
+                self.by[outcome.task as usize] = Some(member);
+                self.open -= 1;
+                rays += task.rays;
+                won.push(outcome);
+            }
+            from += task.rays as usize;
+        }
+        if flight.queued {
+            queue.finish(index, &flight.tasks);
+        }
+        if back {
+            queue.readmit(index);
+        }
+        self.rays_done += u64::from(rays);
+        self.predicted_s += flight.predicted_s;
+        self.measured_s += launch.span.duration().as_secs_f64();
+        self.ran.launches.push(LaunchDone {
+            member,
+            span: launch.span,
+            rays,
+            whole: won.len() == flight.tasks.len(),
+            outcomes: won,
+            per_task: launch.task_seconds.len() == flight.tasks.len(),
+        });
+    }
+
+    /// What the tasks of a launch were predicted to take, and took.
+    fn outcomes(&self, lane: usize, flight: &Flight, launch: &Launch) -> Vec<TaskOutcome> {
+        let tasks = &flight.tasks;
+        let per_task = launch.task_seconds.len() == tasks.len();
+        let busy = launch.span.in_kernel.as_secs_f64();
+        let outcome = |(i, &task): (usize, &TaskId)| {
+            let predicted_s = self.plan.seconds(lane, task);
+            let measured_s = match launch.task_seconds.get(i) {
+                Some(&seconds) if per_task => f64::from(seconds),
+                _ if flight.predicted_s > 0.0 => busy * predicted_s / flight.predicted_s,
+                _ => busy / tasks.len() as f64,
+            };
+            TaskOutcome { task, predicted_s, measured_s }
+        };
+        tasks.iter().enumerate().map(outcome).collect()
     }
 }
 
-/// Copies the results of rays that were traced in this launch.
-fn copy<T: Copy>(from: &[T], to: &mut [T], first: usize, masked: impl Fn(usize) -> bool) {
-    for (offset, (from, to)) in from.iter().zip(to).enumerate() {
-        if !masked(first + offset) {
-            *to = *from;
-        }
+impl std::fmt::Debug for Run<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Run").field("lanes", &self.lanes).field("open", &self.open).finish_non_exhaustive()
     }
 }

@@ -1,11 +1,10 @@
 //! What is traced, and how it is scheduled.
 
-use crate::BalanceError;
+use crate::{Audit, BalanceError, Limits};
 use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
 use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// Rays per task when nothing else is asked for: a 32 × 32 pixel tile of primary rays, the size of the paper's
 /// Figure 1 at which tasks are still fine enough to balance and coarse enough to estimate.
@@ -54,8 +53,13 @@ impl Stream {
         RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices, blind_excess }
     }
 
-    /// Checks that the tasks cover the rays.
+    /// Checks that the tasks cover the rays, and that every ray has an origin if any has.
     pub(crate) fn check(&self) -> Result<(), BalanceError> {
+        if let RaySource::Explicit { rays, origins: Some(origins) } = &self.source
+            && origins.len() != rays.len()
+        {
+            return Err(BalanceError::Length { argument: "origins", found: origins.len(), rays: rays.len() });
+        }
         let mut next = 0_u32;
         for task in &self.tasks {
             if task.first != next {
@@ -103,8 +107,10 @@ pub struct Scheduling {
     /// What a stream loses without an estimate, as a share of its makespan, for estimators that ask whether they pay;
     /// `None`: as expected from queue, tasks and devices ([`rt_sched::blind`]). With 1 an estimate always pays.
     pub blind_excess: Option<f64>,
-    /// Longest time to wait for one launch before its device counts as hung.
-    pub limit: Duration,
+    /// How long devices may take.
+    pub limits: Limits,
+    /// How many of the hits the host traces again, to see whether a device can be believed.
+    pub audit: Audit,
 }
 
 impl Default for Scheduling {
@@ -115,12 +121,22 @@ impl Default for Scheduling {
             policy: None,
             queue: QueueKind::Hybrid,
             blind_excess: None,
-            limit: Duration::from_secs(600),
+            limits: Limits::default(),
+            audit: Audit::default(),
         }
     }
 }
 
 impl Scheduling {
+    /// Checks what a caller can get wrong.
+    pub(crate) fn check(&self) -> Result<(), BalanceError> {
+        self.policy()?;
+        match self.blind_excess {
+            Some(excess) if excess.is_nan() || excess < 0.0 => Err(BalanceError::BlindExcess(excess)),
+            _ => Ok(()),
+        }
+    }
+
     /// The policy that will deal the tasks.
     ///
     /// # Errors
@@ -145,10 +161,13 @@ impl Scheduling {
 /// The caller's hand on a running trace.
 #[derive(Clone, Copy, Default)]
 pub struct Control<'a> {
-    /// Set to `true` (from any thread) to stop after the launches in flight.
+    /// Set to `true` (from any thread) to stop at once. Devices end what they are at behind the caller's back; the next
+    /// stream waits for them.
     pub cancel: Option<&'a AtomicBool>,
-    /// Called with (rays done, rays of the stream) from device threads, at most once per launch.
-    pub progress: Option<&'a (dyn Fn(u64, u64) + Sync)>,
+    /// Called with (rays done, rays of the stream), after every launch at most, by the thread that traces, which does nothing
+    /// else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A panic in it
+    /// stops the stream and is passed on when the devices are at rest; they are as good as before.
+    pub progress: Option<&'a dyn Fn(u64, u64)>,
 }
 
 impl Control<'_> {

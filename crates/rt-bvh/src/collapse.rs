@@ -4,6 +4,7 @@
 //! Wide BVHs* (HPG 2017, section 3.1): for each subtree and each number of roots from 1 to 7, the least cost, by the surface
 //! area heuristic, of a forest of at most so many wide nodes and leaves that holds it.
 
+use crate::stats::Areas;
 use alloc::vec;
 use alloc::vec::Vec;
 use rt_core::{Aabb, Child, Scene, Triangle};
@@ -118,6 +119,7 @@ impl Plan {
     /// The best choices under such costs.
     pub(crate) fn of(scene: &Scene, costs: Costs) -> Self {
         let nodes = scene.nodes();
+        let areas = Areas::of(scene);
         let mut forests = vec![[Forest::NOTHING; 2]; nodes.len()];
         // Triangles below a node, as far as it matters: saturating.
         let mut below = vec![0_u32; nodes.len()];
@@ -126,10 +128,10 @@ impl Plan {
             for side in 0..2 {
                 let (forest, triangles) = match node.child(side) {
                     Child::Absent => (Forest::NOTHING, 0),
-                    Child::Leaf { first, count } => (leaf(scene, costs, first, count), count),
+                    Child::Leaf { first, count } => (leaf(scene, costs, areas, first, count), count),
                     Child::Inner(child) => {
                         let triangles = below[child as usize];
-                        let forest = inner(&forests[child as usize], costs, node.bounds[side].half_area(), triangles);
+                        let forest = inner(&forests[child as usize], costs, areas.half(&node.bounds[side]), triangles);
                         (forest, triangles)
                     }
                 };
@@ -226,8 +228,8 @@ pub(crate) fn bounds(triangles: &[Triangle]) -> Aabb {
 }
 
 /// The forests of a two-wide leaf.
-fn leaf(scene: &Scene, costs: Costs, first: u32, count: u32) -> Forest {
-    let range = |first: u32, count: u32| bounds(&scene.triangles()[first as usize..][..count as usize]).half_area();
+fn leaf(scene: &Scene, costs: Costs, areas: Areas, first: u32, count: u32) -> Forest {
+    let range = |first: u32, count: u32| areas.half(&bounds(&scene.triangles()[first as usize..][..count as usize]));
     let tests = |(first, count): (u32, u32)| range(first, count) * (costs.leaf)(count);
     let pieces = costs.pieces(count);
     let leaves =

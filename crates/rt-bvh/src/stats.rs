@@ -1,6 +1,7 @@
 //! What a tree is like: its shape, and what a ray is expected to pay for it.
 
-use rt_core::{Child, Scene};
+use crate::scale::{exponent, pow2};
+use rt_core::{Aabb, Child, Scene};
 
 /// Cost of visiting a node: two box tests, each at the price of a triangle test. Between 1 and 2 the trees trace equally
 /// fast; 2 makes them smaller.
@@ -29,17 +30,38 @@ pub struct TreeStats {
     pub bytes_per_triangle: f32,
 }
 
+/// Areas of boxes relative to each other, of whatever size their scene: none overflows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Areas {
+    shrink: f32,
+}
+
+impl Areas {
+    /// For boxes in a scene. They are shrunk by a power of two where coordinates are above 1.
+    pub(crate) fn of(scene: &Scene) -> Self {
+        let bounds = scene.bounds();
+        let largest = if bounds.is_empty() { 0.0 } else { bounds.min.abs().max(bounds.max.abs()).max_element() };
+        Self { shrink: pow2(-exponent(largest).max(0)) as f32 }
+    }
+
+    /// [`Aabb::half_area`], shrunk.
+    pub(crate) fn half(self, bounds: &Aabb) -> f32 {
+        Aabb { min: bounds.min * self.shrink, max: bounds.max * self.shrink }.half_area()
+    }
+}
+
 impl TreeStats {
     /// Describes `scene`, in time linear in its size.
     #[must_use]
     pub fn of(scene: &Scene) -> Self {
-        let root_area = f64::from(scene.bounds().half_area());
+        let areas = Areas::of(scene);
+        let root_area = f64::from(areas.half(&scene.bounds()));
         let mut stats = Self { depth: scene.depth(), nodes: scene.nodes().len() as u32, ..Self::default() };
         // The root is visited by every ray; the sums are of many small terms, hence double precision.
         let mut cost = f64::from(NODE_COST) * root_area;
         for node in scene.nodes() {
             for side in 0..2 {
-                let area = f64::from(node.bounds[side].half_area());
+                let area = f64::from(areas.half(&node.bounds[side]));
                 match node.child(side) {
                     Child::Absent => {}
                     Child::Inner(_) => cost += area * f64::from(NODE_COST),

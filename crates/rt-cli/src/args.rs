@@ -11,13 +11,13 @@ mod trace;
 mod tradeoff;
 mod verify;
 
-pub(crate) use balance::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
+pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
 pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand};
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;
-pub(crate) use scene::{DEFAULT_BUILDER, PrecisionArg, SceneArgs};
+pub(crate) use scene::{PrecisionArg, SceneArgs};
 pub(crate) use trace::TraceArgs;
 pub(crate) use tradeoff::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};
 pub(crate) use verify::VerifyArgs;

@@ -1,12 +1,10 @@
-//! From the command line's balancing options to a schedule and devices.
+//! From the command line's balancing options to a schedule.
 
-use crate::args::{BalanceArgs, EstimateArgs, EstimatorArg, PolicyArg, QueueArg, ReducedArg};
+use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
 use anyhow::{Context, Result, bail};
-use rt_balance::{DEFAULT_TASK_SIZE, QueueKind, Scheduling};
-use rt_core::{CostEstimator, ReducedWalk, Walk};
-use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
-use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
+use rt_balance::catalogue::{Entry, Estimator, Make};
+use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
 use rt_sched::sample::Fraction;
 
 impl EstimateArgs {
@@ -14,29 +12,24 @@ impl EstimateArgs {
     ///
     /// # Errors
     /// When the fraction is none, or has no meaning for the estimator.
-    pub(crate) fn estimator(&self) -> Result<Box<dyn CostEstimator>> {
+    pub(crate) fn chosen(&self) -> Result<Estimator> {
         let given =
             self.fraction.map(|f| Fraction::new(f).context("--fraction must be from 1/4096 to 1")).transpose()?;
-        if given.is_some() && self.estimator == EstimatorArg::Auto {
-            bail!("--fraction has no meaning for the estimator auto: give --budget, or --estimator exact");
-        }
-        let fraction = given.unwrap_or(Fraction::SIXTY_FOURTH);
-        let reduced = match self.reduced {
-            ReducedArg::Leaf => ReducedWalk::LeafAsHit,
-            ReducedArg::Unshortened => ReducedWalk::Unshortened,
-            ReducedArg::Plane => ReducedWalk::LeafPlane,
-            ReducedArg::Truncated => ReducedWalk::Truncated,
+        let entry = self.entry();
+        let chosen = match entry.make {
+            Make::Plain(_) => None,
+            Make::Spending(..) if given.is_some() => {
+                bail!("--fraction has no meaning for the estimator {}: give --budget, or --estimator exact", entry.name)
+            }
+            Make::Spending(..) => entry.spending(self.budget),
+            Make::Sampling(..) => given.and_then(|fraction| entry.sampling(fraction)),
         };
-        let exact = || Box::new(Sampled::new(Walk::Full, fraction));
-        Ok(match self.estimator {
-            EstimatorArg::Auto => Box::new(Auto::new(self.budget)),
-            EstimatorArg::Adaptive => given.map_or_else(Box::<Adaptive>::default, |f| Box::new(Adaptive::new(f))),
-            EstimatorArg::Field => Box::new(Field::new(fraction)),
-            EstimatorArg::Uniform => Box::new(Uniform),
-            EstimatorArg::Reduced => Box::new(Sampled::new(Walk::Reduced(reduced), fraction)),
-            EstimatorArg::Exact => exact(),
-            EstimatorArg::History => Box::new(History::new(exact())),
-        })
+        Ok(chosen.unwrap_or_else(|| entry.usual()))
+    }
+
+    /// What `--estimator` and `--reduced` name together.
+    fn entry(&self) -> &'static Entry<Make> {
+        if self.estimator.name == "reduced" { self.reduced } else { self.estimator }
     }
 }
 
@@ -46,20 +39,10 @@ impl BalanceArgs {
     /// # Errors
     /// When the policy has no meaning for the queue.
     pub(crate) fn scheduling(&self) -> Result<Scheduling> {
-        let estimator = self.estimate.estimator()?;
-        let policy = self.policy.map(|policy| -> Box<dyn Policy> {
-            match policy {
-                PolicyArg::Block => Box::new(Block),
-                PolicyArg::RoundRobin => Box::new(RoundRobin),
-                PolicyArg::Lpt => Box::new(Lpt),
-            }
-        });
-        let queue = match self.queue {
-            QueueArg::Static => QueueKind::Static,
-            QueueArg::Central => QueueKind::Central,
-            QueueArg::Hybrid => QueueKind::Hybrid,
-        };
-        let scheduling = Scheduling { estimator, policy, queue, ..Scheduling::default() };
+        let estimator = self.estimate.chosen()?.make();
+        let policy = self.policy.map(|policy| (policy.make)());
+        let limits = Limits::within(self.device_limit);
+        let scheduling = Scheduling { estimator, policy, queue: self.queue.make, limits, ..Scheduling::default() };
         scheduling.policy().context("--policy")?;
         Ok(scheduling)
     }

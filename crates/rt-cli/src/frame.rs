@@ -7,11 +7,10 @@ use glam::Vec3;
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::bounce::{Aim, Departure, Surfaces};
-use rt_core::{BounceRays, Camera, CameraRays, Hit, Precision, Query, RaySource, StreamKind, StreamSpec, random};
-use rt_scene::Model;
-use rt_scene::streams::{Spawned, Spawner};
-use std::ops::Range;
+use rt_core::bounce::Surfaces;
+use rt_core::{Camera, Hit, Precision, RaySource, random};
+use rt_scene::Colours;
+use rt_scene::streams::{PathStream, Paths, Wave};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -43,7 +42,7 @@ impl TaskCut {
 /// What stays the same over all frames.
 #[derive(Debug)]
 pub(crate) struct Renderer<'a> {
-    pub(crate) model: &'a Model,
+    pub(crate) colours: Colours,
     /// Of the scene that is traced.
     pub(crate) surfaces: Arc<Surfaces>,
     pub(crate) light: Light,
@@ -67,12 +66,12 @@ pub(crate) struct Session {
 
 /// A part of one frame that fits the memory.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wave<'a> {
-    pub(crate) camera: Camera,
+pub(crate) struct Part<'a> {
+    pub(crate) paths: &'a Paths,
     pub(crate) frame: u32,
+    /// Of the wave in its frame.
     pub(crate) number: u32,
-    /// In Z-curve order, each `x | y << 16`.
-    pub(crate) pixels: &'a Arc<[u32]>,
+    pub(crate) wave: &'a Wave,
 }
 
 /// Sums of radiance over the samples of each pixel, row by row.
@@ -111,154 +110,119 @@ impl Film {
 /// Rays shaded at once: enough to occupy every core, few enough that their 20 bytes each do not count as memory.
 const SHADE_BATCH: usize = 1 << 18;
 
-/// Hits that one core turns into rays at a time.
-const SPAWN_CHUNK: u32 = 1 << 14;
-
-/// Spawns from all hits on all cores; the rays are in the order of their parents, as if spawned on one.
-pub(crate) fn spawn(hits: usize, from: impl Fn(Range<u32>) -> Spawned + Sync) -> (RaySource, Vec<u32>) {
-    let mut all = Spawned::default();
-    for chunk in chunks(hits, from) {
-        all.append(chunk);
-    }
-    all.into_source()
-}
-
-/// What `from` makes of chunks of `hits` hits, in their order.
-fn chunks<T: Send>(hits: usize, from: impl Fn(Range<u32>) -> T + Sync) -> Vec<T> {
-    let hits = hits as u32;
-    let chunk = |chunk| {
-        let first = chunk * SPAWN_CHUNK;
-        from(first..hits.min(first + SPAWN_CHUNK))
-    };
-    (0..hits.div_ceil(SPAWN_CHUNK)).into_par_iter().map(chunk).collect()
-}
-
-/// The rays of one bounce, and what the camera sees through them.
-struct Front {
-    source: RaySource,
-    /// For each ray, its pixel.
-    pixels: Vec<u32>,
-    /// For each ray, the share of its radiance that reaches the pixel.
-    throughput: Vec<Vec3>,
-}
-
 impl Renderer<'_> {
+    /// The paths of a frame.
+    pub(crate) fn paths(&self, camera: Camera, frame: u32) -> Paths {
+        // Frames number their pixels alike but must not repeat their noise; runs with one seed must.
+        let [seed, ..] = random::pcg3d([self.seed, frame, 0]);
+        let Self { size, samples, .. } = *self;
+        Paths { camera, size, samples, seed, sun: self.light.sun, surfaces: Arc::clone(&self.surfaces) }
+    }
+
     /// Renders the pixels of one wave into `film`.
-    pub(crate) fn wave(&self, session: &mut Session, wave: Wave<'_>, film: &mut Film) -> Result<()> {
-        // Frames and waves number their rays from 0 but must not repeat their noise; runs with one seed must.
-        let [seed, ..] = random::pcg3d([self.seed, wave.frame, wave.number]);
-        let Wave { camera, pixels, .. } = wave;
-        let rays = CameraRays { camera, size: self.size, pixels: Arc::clone(pixels), samples: self.samples, seed };
-        let pixels: Vec<u32> =
-            pixels.iter().flat_map(|&pixel| std::iter::repeat_n(pixel, self.samples as usize)).collect();
-        let throughput = vec![Vec3::ONE; pixels.len()];
-        let mut front = Front { source: RaySource::Camera(Arc::new(rays)), pixels, throughput };
-        let mut run = |stream: Stream| self.trace(session, Stream { frame: wave.frame, wave: wave.number, ..stream });
+    pub(crate) fn wave(&self, session: &mut Session, part: Part<'_>, film: &mut Film) -> Result<()> {
+        let Part { paths, wave, .. } = part;
+        // For each path the share of its radiance that reaches the pixel.
+        let mut throughput = vec![Vec3::ONE; wave.pixels.len() * self.samples as usize];
+        let pixel = |path: u32| wave.pixels[(path / self.samples) as usize];
+        let mut front = paths.primary(wave);
         for bounce in 0..=self.bounces {
-            // Only primary rays all exist; later ones are numbered without those that were lost on the way.
-            let samples = if bounce == 0 { self.samples } else { 1 };
-            let kind = if bounce == 0 { StreamKind::Primary } else { StreamKind::Diffuse(bounce - 1) };
-            let hits = run(self.stream(front.source.clone(), kind, Query::Closest))?;
-            self.add_misses(&front, &hits, film);
-            let spawner = Spawner { model: self.model, rays: &front.source, hits: &hits, seed, samples, bounce };
+            let hits = self.trace(session, part, &front)?;
+            let seen = Seen { stream: &front, throughput: &throughput, pixel: &pixel };
+            self.add_misses(&seen, &hits, film);
             // The last bounce's light is not followed any further.
-            let (shadow, diffuse) = if bounce == self.bounces {
-                let [shadow] = self.leave(&spawner, [self.light.sun.aim()]);
-                (shadow, None)
-            } else {
-                let [shadow, diffuse] = self.leave(&spawner, [self.light.sun.aim(), Aim::Cosine]);
-                (shadow, Some(diffuse))
-            };
-            let blocked =
-                run(self.stream(RaySource::Bounce(Arc::clone(&shadow)), StreamKind::Shadow(bounce), Query::Any))?;
-            self.add_sunlight(&front, &shadow.departures, &blocked, film);
-            let Some(diffuse) = diffuse else {
-                self.add_fill(&front, &hits, film);
+            if bounce == self.bounces {
+                self.add_fill(&seen, &hits, film);
+                let shadow = paths.end(&front, &hits);
+                drop(hits);
+                let blocked = self.trace(session, part, &shadow)?;
+                self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, film);
                 break;
-            };
-            let parents = diffuse.departures.iter().map(|from| from.parent as usize);
-            front = Front {
-                pixels: parents.clone().map(|i| front.pixels[i]).collect(),
-                throughput: parents.map(|i| front.throughput[i] * self.model.colour(hits[i].primitive)).collect(),
-                source: RaySource::Bounce(diffuse),
-            };
+            }
+            let [shadow, diffuse] = paths.follow(&front, &hits);
+            drop(hits);
+            let blocked = self.trace(session, part, &shadow)?;
+            self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, film);
+            for from in diffuse.departures() {
+                throughput[from.path as usize] *= self.colours.of(from.primitive);
+            }
+            front = diffuse;
         }
         Ok(())
     }
 
-    /// The rays that leave from where a stream's rays hit, for each of `aims`.
-    fn leave<const N: usize>(&self, spawner: &Spawner<'_>, aims: [Aim; N]) -> [Arc<BounceRays>; N] {
-        let mut lists = [const { Vec::new() }; N];
-        for chunk in chunks(spawner.hits.len(), |range| spawner.departures(aims, range)) {
-            for (list, more) in lists.iter_mut().zip(chunk) {
-                list.extend(more);
-            }
-        }
-        std::array::from_fn(|i| {
-            let departures = std::mem::take(&mut lists[i]).into();
-            let scatter = spawner.scatter(aims[i]);
-            Arc::new(BounceRays { surfaces: Arc::clone(&self.surfaces), departures, scatter })
-        })
-    }
-
-    fn stream(&self, source: RaySource, kind: StreamKind, query: Query) -> Stream {
-        let size = self.cut.size(source.len());
-        let spec = StreamSpec { query, precision: self.precision, counts: false };
-        Stream { seed: self.seed, ..Stream::new(source, kind, spec).with_task_size(size) }
-    }
-
     /// Traces a stream and records it.
-    fn trace(&self, session: &mut Session, stream: Stream) -> Result<Vec<Hit>> {
+    fn trace(&self, session: &mut Session, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>> {
         let Session { balancer, scheduling, runs } = session;
-        if stream.source.is_empty() {
+        let rays = stream.source.len();
+        if rays == 0 {
             return Ok(Vec::new());
         }
-        let mut hits = vec![Hit::MISS; stream.source.len() as usize];
-        let bar = progress::bar("tracing", stream.source.len().into());
+        let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
+        let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
+            .with_task_size(self.cut.size(rays));
+        let mut hits = vec![Hit::MISS; rays as usize];
+        let bar = progress::bar("tracing", rays.into());
         let show = |done, _| bar.set_position(done);
         let control = Control { cancel: Some(self.cancel), progress: Some(&show) };
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
         bar.finish_and_clear();
         let mut run = traced?;
         if self.reference {
-            balancer.reference(&stream, REFERENCE_PASSES)?.judge(&mut run);
+            balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, control)?.judge(&mut run);
         }
         runs.push(run);
         Ok(hits)
     }
 
-    fn add_misses(&self, front: &Front, hits: &[Hit], film: &mut Film) {
+    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], film: &mut Film) {
         film.add_all(hits.len(), |i| {
-            let sky = || front.throughput[i] * self.light.sky(front.source.ray(i as u32).0.direction);
-            (!hits[i].is_hit()).then(|| (front.pixels[i], sky()))
+            let sky = || self.light.sky(seen.stream.source.ray(i as u32).0.direction);
+            (!hits[i].is_hit()).then(|| seen.through(i, sky()))
         });
     }
 
-    fn add_sunlight(&self, front: &Front, shadow: &[Departure], blocked: &[Hit], film: &mut Film) {
-        film.add_all(blocked.len(), |ray| {
-            let from = &shadow[ray];
-            let i = from.parent as usize;
-            if blocked[ray].is_hit() {
+    fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], film: &mut Film) {
+        let departures = seen.stream.departures();
+        film.add_all(blocked.len(), |i| {
+            if blocked[i].is_hit() {
                 return None;
             }
-            let normal = self.model.triangle(from.primitive)?.area_normal().try_normalize()?.as_vec3();
+            let from = &departures[i];
+            let normal = self.surfaces.triangle(from.primitive)?.area_normal().try_normalize()?.as_vec3();
             let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
-            let light = self.light.sunlight(facing);
-            Some((front.pixels[i], front.throughput[i] * self.model.colour(from.primitive) * light))
+            Some(seen.through(i, self.colours.of(from.primitive) * self.light.sunlight(facing)))
         });
     }
 
-    fn add_fill(&self, front: &Front, hits: &[Hit], film: &mut Film) {
+    fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], film: &mut Film) {
         film.add_all(hits.len(), |i| {
             let hit = &hits[i];
             // Only directions of camera rays have any length.
-            let length = || match &front.source {
+            let length = || match &seen.stream.source {
                 RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
                 _ => 1.0,
             };
-            let distance = || hit.t * length();
-            let light = || front.throughput[i] * self.model.colour(hit.primitive) * self.light.fill(distance());
-            hit.is_hit().then(|| (front.pixels[i], light()))
+            let light = || self.colours.of(hit.primitive) * self.light.fill(hit.t * length());
+            hit.is_hit().then(|| seen.through(i, light()))
         });
+    }
+}
+
+/// What the camera sees through the rays of a stream.
+#[derive(Clone, Copy)]
+struct Seen<'a> {
+    stream: &'a PathStream,
+    /// For each path of the wave, the share of its radiance that reaches the pixel.
+    throughput: &'a [Vec3],
+    /// The pixel of a path.
+    pixel: &'a (dyn Fn(u32) -> u32 + Sync),
+}
+
+impl Seen<'_> {
+    /// What light that comes along ray `i` adds to which pixel.
+    fn through(&self, i: usize, light: Vec3) -> (u32, Vec3) {
+        let path = self.stream.path(i as u32);
+        ((self.pixel)(path), self.throughput[path as usize] * light)
     }
 }

@@ -1,5 +1,6 @@
 //! Ctrl-C: the first one asks the run to stop, files are written whole or not at all.
 
+use rt_balance::Control;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static REQUESTED: AtomicBool = AtomicBool::new(false);
@@ -12,6 +13,11 @@ pub(crate) fn watch() {
             std::process::exit(i32::from(super::INTERRUPTED));
         }
     });
+}
+
+/// What stops a run.
+pub(crate) fn control() -> Control<'static> {
+    Control { cancel: Some(flag()), progress: None }
 }
 
 /// The flag that a run looks at.

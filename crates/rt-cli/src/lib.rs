@@ -3,9 +3,7 @@
 
 mod args;
 mod balance;
-mod bench;
-mod experiment;
-mod figure1;
+mod experiments;
 mod frame;
 mod interrupt;
 mod list;
@@ -15,7 +13,6 @@ mod render;
 mod scene;
 mod shade;
 mod trace;
-mod tradeoff;
 mod verify;
 
 use args::{Cli, Command};
@@ -34,10 +31,10 @@ pub fn main() -> ExitCode {
     let result = match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
-        Command::Figure1(args) => figure1::run(&args),
-        Command::Tradeoff(args) => tradeoff::run(&args),
+        Command::Figure1(args) => experiments::figure1(&args),
+        Command::Tradeoff(args) => experiments::tradeoff(&args),
         Command::Verify(args) => verify::run(&args),
-        Command::Bench(args) => bench::run(&args),
+        Command::Bench(args) => experiments::bench(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
     };

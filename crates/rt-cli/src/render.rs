@@ -1,7 +1,7 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::frame::{BYTES_PER_RAY, Film, Renderer, Session, Wave};
+use crate::frame::{BYTES_PER_RAY, Film, Part, Renderer, Session};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::shade::{Light, exposure};
 use crate::{chart, html, image, interrupt, output, table};
@@ -12,7 +12,8 @@ use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
 use rt_scene::prepare::Prepared;
-use rt_scene::{View, streams, view};
+use rt_scene::streams::{Wave, Waves};
+use rt_scene::{View, view};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,34 +30,37 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
-    let balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 
-    let extent = prepared.model.bounds().extent().length();
+    let described = scene_report(&prepared, &scene);
+    let Prepared { model, precision, load_s, build_s, .. } = prepared;
+    let extent = model.bounds().extent().length();
     let renderer = Renderer {
-        model: &prepared.model,
+        // The scene holds the triangles; the model's own go here.
+        colours: model.into_colours(),
         surfaces: Arc::new(Surfaces::new(Arc::clone(&scene))),
         light: Light::new(&first, extent),
         size: args.size,
         samples: args.spp,
         bounces: args.bounces,
-        precision: prepared.precision,
+        precision,
         cut: args.balance.cut(),
         seed: args.balance.seed,
         reference: args.reference,
         cancel: interrupt::flag(),
     };
-    let waves = streams::waves(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
-    let mut seconds = Seconds { load: prepared.load_s, build: prepared.build_s, setup, ..Seconds::default() };
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
+    let mut seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
     for frame in 0..args.frames {
         let mut film = Film::new(args.size, args.spp);
         let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
-        let camera = seen.camera().context("the camera of the orbit")?;
+        let paths = renderer.paths(seen.camera().context("the camera of the orbit")?, frame);
         let begin = Instant::now();
         let before = session.runs.len();
-        for (number, pixels) in (0..).zip(&waves) {
-            renderer.wave(&mut session, Wave { camera, frame, number, pixels }, &mut film)?;
+        for (number, wave) in (0..).zip(waves.iter()) {
+            renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave }, &mut film)?;
         }
         add_times(&mut seconds, &session.runs[before..], begin.elapsed().as_secs_f64());
         let begin = Instant::now();
@@ -68,6 +72,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     }
     let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
+    let waves: Vec<Arc<[u32]>> = waves.iter().map(|Wave { pixels, .. }| pixels).collect();
     write_charts(args, &waves, &runs)?;
     seconds.write += begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
@@ -75,7 +80,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
         command: std::env::args().skip(1).collect(),
-        scene: scene_report(&prepared, &scene),
+        scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
@@ -97,7 +102,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if args.json {
         println!("{}", serde_json::to_string_pretty(&report)?);
     } else {
-        print(&report, &runs, args, &prepared);
+        print(&report, &runs, args);
     }
     Ok(())
 }
@@ -188,7 +193,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     }
 }
 
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prepared) {
+fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) {
     let scene = &report.scene;
     println!(
         "{}: {} triangles, tree of {:.1} MB by {}, {} precision",
@@ -198,7 +203,7 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs, prepared: &Prep
         scene.builder,
         scene.precision
     );
-    for reason in &prepared.plan.reasons {
+    for reason in &scene.plan.reasons {
         println!("  {reason}");
     }
     println!("\n{}", table::streams(runs));

@@ -8,15 +8,6 @@ use rt_scene::streams::Sun;
 /// which lights a surface that faces it somewhat more than the whole sky does and leaves shadows readable.
 const SUN_IRRADIANCE: Vec3 = Vec3::new(5.6, 5.0, 4.2);
 
-/// Angular radius of the sun in radians: ten times the real one, for penumbras that one can see.
-const SUN_RADIUS: f32 = 0.045;
-
-/// Height of the sun above the horizon.
-const SUN_ELEVATION_DEGREES: f32 = 48.0;
-
-/// How far the sun stands to the left of the first camera, seen from its target.
-const SUN_AZIMUTH_DEGREES: f32 = 50.0;
-
 /// Share of the zenith's light that a path which ends on a surface is given: the bounces not traced.
 const FILL: f32 = 0.3;
 
@@ -33,17 +24,9 @@ impl Light {
     /// Light for the scene seen from `view`, of size `extent` (length of the diagonal of its bounds).
     pub(crate) fn new(view: &View, extent: f32) -> Self {
         let up = view.up.try_normalize().unwrap_or(Vec3::Y);
-        let back = (view.eye - view.target).reject_from_normalized(up).try_normalize();
-        let back = back.unwrap_or_else(|| up.any_orthonormal_vector());
-        let (sin_a, cos_a) = SUN_AZIMUTH_DEGREES.to_radians().sin_cos();
-        let (sin_e, cos_e) = SUN_ELEVATION_DEGREES.to_radians().sin_cos();
-        let left = back.cross(up);
-        let sun = (back * cos_a + left * sin_a) * cos_e + up * sin_e;
         // The distance to the subject, not the extent, says how large things are where the ground is huge.
         let reach = (0.25 * extent).min(view.eye.distance(view.target)).max(f32::MIN_POSITIVE);
-        // Cannot fail: a unit vector and a constant below a right angle.
-        let sun = Sun::new(sun, SUN_RADIUS).expect("a unit direction and a small disc make a sun");
-        Self { up, sun, reach }
+        Self { up, sun: Sun::beside(view), reach }
     }
 
     /// Radiance from outside the scene along a direction of any length.
@@ -91,12 +74,6 @@ mod tests {
     fn light() -> Light {
         let view = View { eye: Vec3::new(0.0, 1.0, 5.0), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 45.0 };
         Light::new(&view, 10.0)
-    }
-
-    #[test]
-    fn the_sun_stands_above_and_on_the_camera_s_side() {
-        let sun = light().sun.direction();
-        assert!((sun.length() - 1.0).abs() < 1e-5 && sun.y > 0.5 && sun.z > 0.0, "{sun}");
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let prepared = args.source.prepare(&args.scene)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
-    let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
+    let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec { query, precision: prepared.precision, counts: args.counts.is_some() };
@@ -31,7 +31,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut counts = args.counts.as_ref().map(|_| vec![TestCounts::default(); count as usize]);
     let bar = progress::bar("tracing", count.into());
     let show = |done, _| bar.set_position(done);
-    let control = Control { cancel: Some(interrupt::flag()), progress: Some(&show) };
+    let control = Control { progress: Some(&show), ..interrupt::control() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
     bar.finish_and_clear();
     let run = run?;

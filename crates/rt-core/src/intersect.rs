@@ -187,13 +187,7 @@ impl Shear {
     /// inclusive `limits`; `None` outside of them.
     #[inline]
     #[must_use]
-    pub fn resolve(
-        &self,
-        met: &Intersection,
-        triangle: &Triangle,
-        limits: [f32; 2],
-        primitive: u32,
-    ) -> Option<Hit> {
+    pub fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
         let [low, high] = [met.t - met.error, met.t + met.error].map(round_distance);
         // Rounding is monotone, so the exact distance is rounded to something between these two.
         if high < limits[0] || low > limits[1] {
@@ -234,11 +228,7 @@ fn hit_at(t: f32, met: &Intersection, limits: [f32; 2], primitive: u32) -> Optio
 #[must_use]
 pub fn round_distance(t: f64) -> f32 {
     let rounded = t as f32 + 0.0;
-    if rounded == 0.0 && t != 0.0 {
-        if t > 0.0 { LEAST } else { -LEAST }
-    } else {
-        rounded
-    }
+    if rounded == 0.0 && t != 0.0 { if t > 0.0 { LEAST } else { -LEAST } } else { rounded }
 }
 
 /// The lesser number; one instruction, unlike `f64::min`, which must care for NaN.

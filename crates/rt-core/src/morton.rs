@@ -4,6 +4,7 @@
 //! and its rays are coherent.
 
 use alloc::vec::Vec;
+use core::ops::Range;
 
 /// Interleaves the low 16 bits of `x` (even positions) and `y` (odd positions).
 #[must_use]
@@ -22,24 +23,49 @@ pub const fn decode(code: u32) -> (u32, u32) {
 /// Codes outside the image are skipped, so any size works. `width` and `height` are at most 65,536.
 #[must_use]
 pub fn pixel_order(width: u32, height: u32) -> Vec<u32> {
-    let mut order = Vec::with_capacity(width as usize * height as usize);
-    let side = u64::from(width.max(height).next_power_of_two());
-    visit(0, 0, side, u64::from(width), u64::from(height), &mut order);
-    order
+    pixels_in(width, height, 0..u64::MAX)
 }
 
-/// Visits the quadrants of a square in Z order, leaving out those that lie wholly outside the image.
-fn visit(x: u64, y: u64, side: u64, width: u64, height: u64, order: &mut Vec<u32>) {
-    if x >= width || y >= height {
-        return;
-    }
-    if side == 1 {
-        order.push(x as u32 | ((y as u32) << 16));
-        return;
-    }
-    let half = side / 2;
-    for (dx, dy) in [(0, 0), (half, 0), (0, half), (half, half)] {
-        visit(x + dx, y + dy, half, width, height, order);
+/// A part of [`pixel_order`], made without what comes before or behind it; a range beyond the last pixel is cut.
+#[must_use]
+pub fn pixels_in(width: u32, height: u32, range: Range<u64>) -> Vec<u32> {
+    let [width, height] = [width, height].map(u64::from);
+    let end = range.end.min(width * height);
+    let left = end.saturating_sub(range.start);
+    let mut part = Part { width, height, skip: range.start, left, order: Vec::with_capacity(left as usize) };
+    part.visit(0, 0, width.max(height).next_power_of_two());
+    part.order
+}
+
+/// What of the order is still to be left out, and then to be taken.
+struct Part {
+    width: u64,
+    height: u64,
+    skip: u64,
+    left: u64,
+    order: Vec<u32>,
+}
+
+impl Part {
+    /// Visits the quadrants of a square in Z order, leaving out those that lie wholly outside the image or the part.
+    fn visit(&mut self, x: u64, y: u64, side: u64) {
+        if x >= self.width || y >= self.height || self.left == 0 {
+            return;
+        }
+        let inside = side.min(self.width - x) * side.min(self.height - y);
+        if inside <= self.skip {
+            self.skip -= inside;
+            return;
+        }
+        if side == 1 {
+            self.order.push(x as u32 | ((y as u32) << 16));
+            self.left -= 1;
+            return;
+        }
+        let half = side / 2;
+        for (dx, dy) in [(0, 0), (half, 0), (0, half), (half, half)] {
+            self.visit(x + dx, y + dy, half);
+        }
     }
 }
 
@@ -79,5 +105,18 @@ mod tests {
             assert_eq!(order, expected);
         }
         assert!(pixel_order(0, 5).is_empty());
+    }
+
+    // Fails when a skipped square's pixels outside the image are counted.
+    #[test]
+    fn parts_are_those_of_the_whole_order() {
+        let whole = pixel_order(33, 70);
+        for (start, end) in [(0, 0), (0, 7), (5, 1000), (1023, 1025), (2000, 2310), (2309, 9999), (2310, 2311), (7, 3)]
+        {
+            let [from, to] = [start, end].map(|n| whole.len().min(n));
+            assert_eq!(pixels_in(33, 70, start as u64..end as u64), whole[from..to.max(from)], "{start}..{end}");
+        }
+        // The last pixels of the largest image, of which there is no room for all.
+        assert_eq!(pixels_in(1 << 16, 1 << 16, (1 << 32) - 2..u64::MAX), [0xffff_fffe, 0xffff_ffff]);
     }
 }

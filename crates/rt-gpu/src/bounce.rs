@@ -29,8 +29,8 @@ pub struct Trial {
 }
 
 /// What a device must pass: rays about normals and to a sun, soft and straight above, from triangles of all sizes, among
-/// them needles and such as lie in a plane of two axes, at the origin and far from it, with one ray for each group of
-/// parents and with several.
+/// them needles and such as lie in a plane of two axes, at the origin and far from it, with one path in each group and with
+/// several.
 #[must_use]
 pub fn trials() -> Vec<Trial> {
     let oblique = Vec3::new(0.48, 0.6, 0.64);
@@ -128,13 +128,13 @@ impl Trial {
             let v = v.min((1 << 24) - u);
             let behind = if other & 64 == 0 { 0 } else { Departure::BEHIND };
             let primitive = there[other as usize / 128 % there.len()];
-            let parent = if rows { i + i / 100 } else { i * 3 + 1 };
-            Departure { weights: [u | behind, v], primitive, parent }
+            let path = if rows { i + i / 100 } else { i * 3 + 1 };
+            Departure { weights: [u | behind, v], primitive, path }
         };
         let rays = BounceRays {
             surfaces,
             departures: (0..RAYS).map(departure).collect(),
-            scatter: Scatter { aim, seed: 0x9e37_79b9, samples, bounce: 1 },
+            scatter: Scatter { aim, seed: 0x9e37_79b9, samples, first_group: 77, bounce: 1 },
         };
         let block = Offload::new(&scene).bounce(&rays)?;
         let rows = [Row { ray: 1000, count: RAYS - 1000 }, Row { ray: 0, count: 1000 }];

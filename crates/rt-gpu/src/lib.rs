@@ -12,7 +12,7 @@
 //! |---|---|---|
 //! | loading a ray of the host's | 64 bytes | |
 //! | the first time a camera ray is asked for | 4 bytes a pixel, and 16 for all in a row | |
-//! | the first time a ray is asked for that leaves a surface | 12 bytes, and its parent's number: 4, or 8 for all in a row | |
+//! | the first time a ray is asked for that leaves a surface | 12 bytes, and its path's number: 4, or 8 for all in a row | |
 //! | tracing a ray of a whole task | 8 bytes a task or less: neighbours are one range | 4 bytes, 12 with counts |
 //! | tracing a ray of a task with rays left out | 4 bytes at most | 4 bytes, 12 with counts; none for rays left out |
 //! | walking a ray | 4 bytes | 12 bytes: hit and counts |

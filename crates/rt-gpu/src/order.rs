@@ -83,13 +83,13 @@ impl Order {
     pub(crate) fn bounce(block: &KernelBounce, rays: &BounceRays, rows: &[Row], first: u32, places: &[u32]) -> Self {
         let (count, mut words) = begun(rows, first);
         let departures = |row: &Row| &rays.departures[row.ray as usize..][..row.count as usize];
-        let mut parents: Vec<[u32; 2]> = Vec::new();
+        let mut paths: Vec<[u32; 2]> = Vec::new();
         let (mut item, mut next) = (0, None);
         for from in rows.iter().flat_map(departures) {
-            if next != Some(from.parent) {
-                parents.push([item, from.parent]);
+            if next != Some(from.path) {
+                paths.push([item, from.path]);
             }
-            (item, next) = (item + 1, from.parent.checked_add(1));
+            (item, next) = (item + 1, from.path.checked_add(1));
         }
         let place = |primitive: u32| {
             let slot = rays.surfaces.slot(primitive)?;
@@ -98,8 +98,8 @@ impl Order {
         let told = |from: &Departure| [from.weights[0], from.weights[1], place(from.primitive).unwrap_or(u32::MAX)];
         let list: Vec<[u32; 3]> = rows.par_iter().flat_map_iter(|row| departures(row).iter().map(told)).collect();
         let mut block = *block;
-        (block.count, block.parents) = (count, behind_block(&words));
-        append_table(&mut words, &parents, count);
+        (block.count, block.paths) = (count, behind_block(&words));
+        append_table(&mut words, &paths, count);
         block.departures = behind_block(&words);
         words.extend_from_slice(list.as_flattened());
         Self { purpose: Purpose::Bounce, words: headed(words, &block), count }
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(table(&[], 0), [7, 0]);
     }
 
-    /// Every ray is made of its own pixel and sample, or departure and parent, and at its place. Fails when a row's number
+    /// Every ray is made of its own pixel and sample, or departure and path, and at its place. Fails when a row's number
     /// does not count the samples of its first pixel that come before, or places are counted from the stream's start.
     #[test]
     fn orders_name_each_ray_once() {
@@ -205,11 +205,11 @@ mod tests {
                 assert_eq!((number % samples, named(words, 0, item)), (ray % samples, ray - first));
             }
 
-            let departure = |i: u32| Departure { weights: [i, 1], primitive: below(2, i), parent: i * (1 + seed % 2) };
+            let departure = |i: u32| Departure { weights: [i, 1], primitive: below(2, i), path: i * (1 + seed % 2) };
             let rays = BounceRays {
                 surfaces: Arc::new(Surfaces::new(Arc::clone(&scene))),
                 departures: (0..800).map(departure).collect(),
-                scatter: Scatter { aim: Aim::Cosine, seed, samples: 1, bounce: 0 },
+                scatter: Scatter { aim: Aim::Cosine, seed, samples: 1, first_group: 0, bounce: 0 },
             };
             let block = Offload::new(&scene).bounce(&rays).expect("ordinary");
             let order = Order::bounce(&block, &rays, &rows, first, &[5]);
@@ -217,10 +217,10 @@ mod tests {
             let words = &order.words()[BLOCK..];
             assert_eq!((order.count(), block.count as usize), (block.count, all.len()));
             for (item, &ray) in (0..).zip(&all) {
-                let Departure { weights, primitive, parent } = rays.departures[ray as usize];
+                let Departure { weights, primitive, path } = rays.departures[ray as usize];
                 let told = &words[(block.departures + 3 * item) as usize..][..3];
                 assert_eq!(told, [weights[0], weights[1], if primitive == 0 { 5 } else { u32::MAX }]);
-                assert_eq!((named(words, block.parents, item), named(words, 0, item)), (parent, ray - first));
+                assert_eq!((named(words, block.paths, item), named(words, 0, item)), (path, ray - first));
             }
         }
     }

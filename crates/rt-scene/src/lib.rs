@@ -1,7 +1,7 @@
 //! Scenes, cameras and ray streams.
 //!
 //! [`obj`] loads a [`Model`], [`builtin`] generates one, [`view`] finds a camera for it, [`scan`] looks at its numbers
-//! and plans how to trace it, and [`streams`] makes the rays: camera rays in waves, then diffuse and shadow rays from
+//! and plans how to trace it, and [`streams`] makes the rays: camera rays in waves, then shadow and diffuse rays from
 //! the hits of a stream before. [`scenes`] lists what can be named without a file, and [`prepare`] makes of a name or a file
 //! what can be traced.
 #![forbid(unsafe_code)]
@@ -16,4 +16,4 @@ pub mod scenes;
 pub mod streams;
 pub mod view;
 
-pub use model::{Model, View};
+pub use model::{Colours, Model, View};

@@ -43,6 +43,26 @@ impl View {
     }
 }
 
+/// The colours of a model's triangles.
+#[derive(Clone, Debug, Default)]
+pub struct Colours {
+    palette: Vec<Vec3>,
+    of: Vec<u16>,
+}
+
+impl Colours {
+    /// Diffuse colour of triangle `primitive`.
+    #[must_use]
+    pub fn of(&self, primitive: u32) -> Vec3 {
+        colour(&self.palette, &self.of, primitive)
+    }
+}
+
+fn colour(palette: &[Vec3], colour_of: &[u16], primitive: u32) -> Vec3 {
+    let index = colour_of.get(primitive as usize).copied().unwrap_or(0);
+    palette.get(usize::from(index)).copied().unwrap_or(UNCOLOURED)
+}
+
 /// Colour of triangles that have none: a warm light grey, as of unglazed clay.
 pub(crate) const UNCOLOURED: Vec3 = Vec3::new(0.62, 0.58, 0.53);
 
@@ -59,8 +79,13 @@ impl Model {
     /// Diffuse colour of triangle `primitive`.
     #[must_use]
     pub fn colour(&self, primitive: u32) -> Vec3 {
-        let index = self.colour_of.get(primitive as usize).copied().unwrap_or(0);
-        self.palette.get(usize::from(index)).copied().unwrap_or(UNCOLOURED)
+        colour(&self.palette, &self.colour_of, primitive)
+    }
+
+    /// The colours without the triangles, which a scene made of them holds as well.
+    #[must_use]
+    pub fn into_colours(self) -> Colours {
+        Colours { palette: self.palette, of: self.colour_of }
     }
 
     /// Bounds of all finite vertices.

@@ -2,12 +2,15 @@
 
 use crate::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
 use crate::scan::{Plan, Scan};
+use crate::streams::{Paths, Sun};
 use crate::{Model, View, builtin, scenes, view};
 use rt_bvh::{BuildError, BuildOptions, Builder, Built, InvalidTriangles, Mesh, Stack};
-use rt_core::{Hit, Precision, Ray, Scene, StreamSpec};
+use rt_core::bounce::Surfaces;
+use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
 use std::error::Error;
 use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How a scene is prepared.
@@ -75,6 +78,15 @@ impl Prepared {
             view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
         };
         self.model.view.unwrap_or_else(automatic)
+    }
+
+    /// One path for each pixel of a picture of `view`: for measurements, the rays that rendering it sends.
+    ///
+    /// # Errors
+    /// When the view makes no camera.
+    pub fn paths(&self, view: &View, size: [u32; 2], seed: u32) -> Result<Paths, CameraError> {
+        let surfaces = Arc::new(Surfaces::new(Arc::clone(&self.built.scene)));
+        Ok(Paths { camera: view.camera()?, size, samples: 1, seed, sun: Sun::beside(view), surfaces })
     }
 }
 

@@ -2,9 +2,11 @@
 
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
-use rt_core::{Hit, Ray, RaySource, Triangle, intersect};
-use rt_scene::Model;
-use rt_scene::streams::{Spawner, Sun};
+use rt_bvh::{BuildOptions, Mesh, build};
+use rt_core::bounce::{Aim, Surfaces};
+use rt_core::{BounceRays, Hit, Ray, RaySource, Triangle, intersect};
+use rt_scene::streams::{Paths, Spawner, Sun, Wave, Waves};
+use rt_scene::{Model, builtin};
 use std::sync::Arc;
 
 /// A sphere by repeated subdivision of an icosahedron: closed, and convex as long as rounding is finer than its bends.
@@ -51,6 +53,32 @@ fn sphere(subdivisions: u32, radius: f32, centre: Vec3) -> Model {
         palette: vec![Vec3::ONE],
         ..Model::default()
     }
+}
+
+fn surfaces(model: &Model) -> Arc<Surfaces> {
+    let mesh = Mesh { positions: &model.positions, indices: &model.indices };
+    Arc::new(Surfaces::new(build(mesh, &BuildOptions::default()).expect("valid").scene))
+}
+
+/// A spawner for rays that are not a camera's.
+fn spawner<'a>(surfaces: &'a Arc<Surfaces>, rays: &'a RaySource, hits: &'a [Hit]) -> Spawner<'a> {
+    Spawner { surfaces, rays, hits, seed: 3, samples: 1, first_group: 0, bounce: 0 }
+}
+
+/// Each ray, and the primitive that it starts on.
+fn made(rays: &BounceRays) -> Vec<(Ray, u32)> {
+    (0..rays.len()).map(|i| rays.ray(i)).collect()
+}
+
+/// The diffuse rays of a spawner.
+fn diffuse(spawner: &Spawner<'_>) -> BounceRays {
+    let [rays] = spawner.streams([Aim::Cosine]);
+    rays
+}
+
+/// The numbers of the rays' paths.
+fn paths(rays: &BounceRays) -> Vec<u32> {
+    rays.departures.iter().map(|from| from.path).collect()
 }
 
 fn triangles(model: &Model) -> Vec<Triangle> {
@@ -107,13 +135,12 @@ fn rays_that_leave_a_sphere_outwards_hit_nothing() {
         assert!(is_convex(&model, centre), "radius {radius}, offset {offset}");
         let all = triangles(&model);
         let (rays, hits) = seen(&model, centre, radius, 15_000, true);
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 5, samples: 1, bounce: 0 };
-        let out = spawner.diffuse(0..15_000);
-        assert!(out.rays.len() > 10_000);
-        spawned += out.rays.len();
+        let out = made(&diffuse(&spawner(&surfaces(&model), &rays, &hits)));
+        assert!(out.len() > 10_000);
+        spawned += out.len();
         let count = |with: bool| {
             let own = |o: &u32| if with { u32::MAX } else { *o };
-            out.rays.iter().zip(&out.origins).filter(|(r, o)| nearest(&all, r, own(o)).is_some()).count()
+            out.iter().filter(|(r, o)| nearest(&all, r, own(o)).is_some()).count()
         };
         assert_eq!(count(false), 0, "radius {radius}, offset {offset}: neighbours");
         // Even the triangle that a ray starts on is never met.
@@ -130,15 +157,14 @@ fn rays_inside_a_sphere_cross_it_to_the_other_side() {
         let all = triangles(&model);
         let (rays, hits) = seen(&model, centre, radius, 10_000, false);
         assert!(hits.iter().all(Hit::is_hit));
-        let out =
-            Spawner { model: &model, rays: &rays, hits: &hits, seed: 6, samples: 1, bounce: 3 }.diffuse(0..10_000);
-        assert_eq!(out.rays.len(), 10_000);
-        for (ray, &origin) in out.rays.iter().zip(&out.origins) {
+        let out = made(&diffuse(&Spawner { bounce: 3, ..spawner(&surfaces(&model), &rays, &hits) }));
+        assert_eq!(out.len(), 10_000);
+        for &(ref ray, origin) in &out {
             assert_eq!(intersect::hit(ray, &all[origin as usize], origin), None, "own triangle");
         }
         // A point so close to an edge that rounding it to single precision takes it outside may escape. Its share is
         // about the rounding step (2⁻²⁴ of the offset) over the size of a face.
-        let lost = out.rays.iter().zip(&out.origins).filter(|(r, o)| nearest(&all, r, **o).is_none()).count();
+        let lost = out.iter().filter(|(r, o)| nearest(&all, r, *o).is_none()).count();
         assert!(lost <= if offset > 0.0 { 5 } else { 0 }, "radius {radius}, offset {offset}: {lost}");
     }
 }
@@ -185,11 +211,12 @@ proptest! {
             hits.push(Hit { t: size, u, v, primitive: i % 2 });
         }
         let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed, samples: 1, bounce: 1 };
+        let surfaces = surfaces(&model);
+        let spawner = Spawner { seed, bounce: 1, ..spawner(&surfaces, &source, &hits) };
         let sun = Sun::new(random_vector(seed, 99), 0.3).unwrap();
-        for out in [spawner.diffuse(0..50), spawner.shadow(&sun, 0..50)] {
-            for ((ray, &origin), &parent) in out.rays.iter().zip(&out.origins).zip(&out.parents) {
-                prop_assert_eq!(origin, parent % 2);
+        for out in spawner.streams([Aim::Cosine, sun.aim()]) {
+            for (&(ref ray, origin), path) in made(&out).iter().zip(paths(&out)) {
+                prop_assert_eq!(origin, path % 2);
                 prop_assert!((ray.direction.length() - 1.0).abs() < 1e-6);
                 prop_assert_eq!((ray.tmin, ray.tmax), (0.0, f32::INFINITY));
                 let own = &all[origin as usize];
@@ -204,28 +231,25 @@ proptest! {
         }
     }
 
-    /// Guards: a ray depends on its parent's number alone. Fails when the random number's index counts from the
-    /// start of the range.
+    /// Guards: a ray depends on its path alone, not on which others are there. Fails when random numbers are those of the
+    /// ray's place in the list of hits or rays.
     #[test]
-    fn ranges_together_make_the_whole(cuts in prop::collection::vec(0..400_u32, 0..6), bounce in any::<u32>()) {
+    fn a_ray_is_the_same_without_the_others(
+        lost in prop::collection::vec(any::<bool>(), 400), samples in 1..5_u32, first_group in any::<u32>(), bounce in 0..9_u32,
+    ) {
         let model = sphere(0, 1.0, Vec3::ZERO);
+        let surfaces = surfaces(&model);
         let (rays, mut hits) = seen(&model, Vec3::ZERO, 1.0, 400, true);
         hits[7] = Hit { primitive: 1000, ..hits[7] };
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce };
         let sun = Sun::new(Vec3::new(0.3, 1.0, 0.2), Sun::REAL_RADIUS).unwrap();
-        let whole = [spawner.diffuse(0..400), spawner.shadow(&sun, 0..u32::MAX)];
-        let mut cuts = cuts;
-        cuts.extend([0, 400]);
-        cuts.sort_unstable();
-        let mut parts = [rt_scene::streams::Spawned::default(), rt_scene::streams::Spawned::default()];
-        for cut in cuts.windows(2) {
-            parts[0].append(spawner.diffuse(cut[0]..cut[1]));
-            parts[1].append(spawner.shadow(&sun, cut[0]..cut[1]));
-        }
-        prop_assert_eq!(&parts, &whole);
-        for out in whole {
-            prop_assert!(out.parents.is_sorted_by(|a, b| a < b) && !out.parents.contains(&7));
-            prop_assert_eq!((out.rays.len(), out.origins.len()), (out.parents.len(), out.parents.len()));
+        let aims = [Aim::Cosine, sun.aim()];
+        let spawner = Spawner { samples, first_group, bounce, ..spawner(&surfaces, &rays, &hits) };
+        let fewer: Vec<Hit> = hits.iter().zip(&lost).map(|(hit, lost)| if *lost { Hit::MISS } else { *hit }).collect();
+        let some = Spawner { hits: &fewer, ..spawner }.streams(aims);
+        for (all, some) in spawner.streams(aims).iter().zip(&some) {
+            prop_assert!(paths(all).is_sorted_by(|a, b| a < b) && !paths(all).contains(&7));
+            let left = made(all).into_iter().zip(paths(all)).filter(|(_, path)| !lost[*path as usize]);
+            prop_assert_eq!(left.collect::<Vec<_>>(), made(some).into_iter().zip(paths(some)).collect::<Vec<_>>());
         }
     }
 }
@@ -234,69 +258,91 @@ proptest! {
 fn every_hit_that_can_send_a_ray_does() {
     let model = sphere(1, 1.0, Vec3::ZERO);
     let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
-    let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce: 0 };
     let hit: Vec<u32> = (0..2000).filter(|&i| hits[i as usize].is_hit()).collect();
-    assert_eq!(spawner.diffuse(0..2000).parents, hit);
     let sun = Sun::new(Vec3::Y, 0.0).unwrap();
+    let [diffuse, shadow] = spawner(&surfaces(&model), &rays, &hits).streams([Aim::Cosine, sun.aim()]);
+    assert_eq!(paths(&diffuse), hit);
     let sunny = |i: &u32| {
         let t = model.triangle(hits[*i as usize].primitive).unwrap();
         let n = t.area_normal().normalize();
         // The sphere is seen from outside, so normals point away from its centre.
         (n * n.dot(t.a.as_dvec3()).signum()).y > 1e-6
     };
-    assert_eq!(spawner.shadow(&sun, 0..2000).parents, hit.iter().copied().filter(sunny).collect::<Vec<_>>());
+    assert_eq!(paths(&shadow), hit.iter().copied().filter(sunny).collect::<Vec<_>>());
 }
 
 #[test]
 fn points_lie_where_the_parent_met_the_surface() {
     let model = sphere(2, 1.0, Vec3::ZERO);
     let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 2000, true);
-    let out = Spawner { model: &model, rays: &rays, hits: &hits, seed: 3, samples: 1, bounce: 0 }.diffuse(0..2000);
-    for (ray, &parent) in out.rays.iter().zip(&out.parents) {
-        let expected = rays.ray(parent).0.at(hits[parent as usize].t);
+    let out = diffuse(&spawner(&surfaces(&model), &rays, &hits));
+    for ((ray, _), path) in made(&out).into_iter().zip(paths(&out)) {
+        let expected = rays.ray(path).0.at(hits[path as usize].t);
         assert!(ray.origin.distance(expected) < 2e-6, "{} instead of {expected}", ray.origin);
     }
 }
 
 #[test]
-fn every_bounce_and_purpose_has_its_own_numbers() {
+fn every_bounce_group_and_purpose_has_its_own_numbers() {
     let model = sphere(0, 1.0, Vec3::ZERO);
     let (rays, hits) = seen(&model, Vec3::ZERO, 1.0, 100, true);
     // A sun of half the sky, so that its rays spread like diffuse ones.
     let sun = Sun::new(Vec3::Y, 1.5).unwrap();
-    let directions = |seed, bounce| {
-        let spawner = Spawner { model: &model, rays: &rays, hits: &hits, seed, samples: 1, bounce };
-        let direction = |ray: &Ray| ray.direction.to_array().map(f32::to_bits);
-        let [diffuse, shadow] = [spawner.diffuse(0..100), spawner.shadow(&sun, 0..100)];
-        assert!(shadow.rays.len() > 10);
-        [diffuse, shadow].map(|out| out.rays.iter().map(direction).collect::<Vec<_>>())
+    let surfaces = surfaces(&model);
+    let directions = |seed, first_group, bounce| {
+        let spawner = Spawner { seed, first_group, bounce, ..spawner(&surfaces, &rays, &hits) };
+        let [diffuse, shadow] = spawner.streams([Aim::Cosine, sun.aim()]);
+        assert!(shadow.len() > 10);
+        [diffuse, shadow]
+            .map(|out| made(&out).iter().map(|(ray, _)| ray.direction.to_array().map(f32::to_bits)).collect())
     };
-    let all = [directions(1, 0), directions(1, 1), directions(1, 2), directions(2, 0)].concat().concat();
+    let all: Vec<[Vec<_>; 2]> =
+        vec![directions(1, 0, 0), directions(1, 0, 1), directions(1, 0, 2), directions(2, 0, 0), directions(1, 100, 0)];
+    let all = all.concat().concat();
     let distinct: std::collections::HashSet<_> = all.iter().collect();
     assert_eq!(distinct.len(), all.len());
 }
 
+/// The rays of a picture of the garden, by kind, traced in waves of about `memory` bytes; each with its number on the Z-curve.
+fn rays_of_a_picture(memory: u64) -> Vec<Vec<(u64, Ray, u32)>> {
+    let size = [37, 20];
+    let model = builtin::yard();
+    let view = model.view.expect("it has one");
+    let camera = view.camera().expect("a camera");
+    let surfaces = surfaces(&model);
+    let scene = Arc::clone(surfaces.scene());
+    let paths = Paths { camera, size, samples: 3, seed: 8, sun: Sun::beside(&view), surfaces };
+    let mut all = vec![Vec::new(); 5];
+    for wave in Waves::new(size, 3, 256, memory).unwrap().iter() {
+        let mut front = paths.primary(&wave);
+        for bounce in 0..2 {
+            let rays = (0..front.source.len()).map(|i| front.source.ray(i));
+            let mut hits = Vec::new();
+            let spec = front.spec(rt_core::Precision::Robust);
+            rt_bvh::trace(&scene, &mut rt_bvh::Stack::for_scene(&scene), spec, rays, |hit, _| hits.push(hit));
+            let [shadow, diffuse] = paths.follow(&front, &hits);
+            for (kind, stream) in [(0, &front), (1, &shadow), (2, &diffuse)] {
+                if kind > 0 || bounce == 0 {
+                    all[kind + 2 * bounce].extend((0..stream.source.len()).map(|i| {
+                        let path = 3 * u64::from(wave.first) + u64::from(stream.path(i));
+                        let (ray, origin) = stream.source.ray(i);
+                        (path, ray, origin)
+                    }));
+                }
+            }
+            front = diffuse;
+        }
+    }
+    all
+}
+
+/// Fails when waves number their pixels from 0 for random numbers, or diffuse rays are numbered anew in each bounce.
 #[test]
-#[ignore = "a measurement: run with --release --nocapture"]
-fn speed_of_one_thread() {
-    let model = sphere(5, 1.0, Vec3::ZERO);
-    let n = model.indices.len() as u32;
-    let rays: Arc<[Ray]> = (0..2_000_000).map(|i| Ray::new(Vec3::ZERO, random_vector(4, i))).collect();
-    let hit = |i| Hit { t: 1.0, u: 0.3, v: 0.3, primitive: rt_core::random::below(n, 1, i, 2) };
-    let hits: Vec<Hit> = (0..2_000_000).map(hit).collect();
-    let source = RaySource::Explicit { rays, origins: None };
-    let spawner = Spawner { model: &model, rays: &source, hits: &hits, seed: 3, samples: 1, bounce: 0 };
-    let sun = Sun::new(Vec3::Y, Sun::REAL_RADIUS).unwrap();
-    for _ in 0..3 {
-        let start = std::time::Instant::now();
-        let diffuse = spawner.diffuse(0..2_000_000).rays.len();
-        let middle = std::time::Instant::now();
-        let shadow = spawner.shadow(&sun, 0..2_000_000).rays.len();
-        let rate = |n: usize, t: std::time::Duration| n as f64 / t.as_secs_f64() / 1e6;
-        println!(
-            "diffuse {:.1}, shadow {:.1} M hits/s ({diffuse}, {shadow} rays)",
-            rate(2_000_000, middle - start),
-            rate(2_000_000, middle.elapsed())
-        );
+fn rays_do_not_depend_on_the_waves() {
+    let whole = rays_of_a_picture(u64::MAX);
+    assert!(whole.iter().all(|rays| rays.len() > 200), "{:?}", whole.iter().map(Vec::len).collect::<Vec<_>>());
+    assert_eq!(Wave::whole([37, 20]).unwrap().pixels.len(), 740);
+    for memory in [0, 5000, 100_000, 300_000] {
+        assert!(rays_of_a_picture(memory) == whole, "waves of {memory} bytes send other rays");
     }
 }

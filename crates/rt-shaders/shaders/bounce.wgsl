@@ -14,8 +14,8 @@ struct Bounce {
     bitangent: vec3<f32>,
     samples: u32,
     dimension: u32,
-    // Where the table of the rays' parents begins, the numbers of the rays that met the surface.
-    parents: u32,
+    // Where the table of the rays' paths begins, their numbers in the wave.
+    paths: u32,
     // How many rays to make.
     count: u32,
     tmax: f32,
@@ -28,7 +28,9 @@ struct Bounce {
     // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND in the
     // first, and the triangle.
     departures: u32,
-    unused: vec2<u32>,
+    // Number of the group of `samples` paths that the wave's first one belongs to.
+    first_group: u32,
+    unused: u32,
     // At word 0 the table of places in the window.
     words: array<u32>,
 }
@@ -203,8 +205,9 @@ fn ray_from(index: u32) -> Ray {
         start_of(weights, vec3<f32>(a.y, b.y, c.y), n.y),
         start_of(weights, vec3<f32>(a.z, b.z, c.z), n.z),
     ) * back;
-    let parent = named(order.parents, index);
-    let at = disc_of(spread_pair(order.seed, parent / order.samples, order.dimension, parent % order.samples));
+    let path = named(order.paths, index);
+    let group = order.first_group + path / order.samples;
+    let at = disc_of(spread_pair(order.seed, group, order.dimension, path % order.samples));
     var direction = about(n, at);
     if order.disc != 0u {
         direction = towards(at);

@@ -230,14 +230,15 @@ mod tests {
             ("bitangent", offset_of!(KernelBounce, bitangent)),
             ("samples", offset_of!(KernelBounce, samples)),
             ("dimension", offset_of!(KernelBounce, dimension)),
-            ("parents", offset_of!(KernelBounce, parents)),
+            ("paths", offset_of!(KernelBounce, paths)),
             ("count", offset_of!(KernelBounce, count)),
             ("tmax", offset_of!(KernelBounce, tmax)),
             ("coordinates", offset_of!(KernelBounce, coordinates)),
             ("exponents", offset_of!(KernelBounce, exponents)),
             ("zero", offset_of!(KernelBounce, zero)),
             ("departures", offset_of!(KernelBounce, departures)),
-            ("unused", size_of::<KernelBounce>() - 8),
+            ("first_group", offset_of!(KernelBounce, first_group)),
+            ("unused", size_of::<KernelBounce>() - 4),
             ("words", size_of::<KernelBounce>()),
         ]
         .map(|(name, offset)| (name, offset as u32));

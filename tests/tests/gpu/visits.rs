@@ -3,7 +3,7 @@
 use crate::{Backend, Found, LIMIT};
 use libtest_mimic::{Failed, Trial};
 use rt_balance::estimators::{Sampled, Uniform};
-use rt_balance::{Balancer, Control, CostEstimator, QueueKind, Scheduling, Stream};
+use rt_balance::{Balancer, Control, CostEstimator, Limits, QueueKind, Scheduling, Stream};
 use rt_bvh::Builder;
 use rt_core::{
     Clock, Device, DeviceError, DeviceInfo, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span, StreamKind,
@@ -132,7 +132,8 @@ fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
             let devices: Vec<_> = opened.iter().map(watched).collect();
             let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
             let stream = Stream::new(source_of(&rays), StreamKind::Custom, StreamSpec::default()).with_task_size(128);
-            let mut how = Scheduling { estimator, queue, limit: LIMIT, ..Scheduling::default() };
+            let limits = Limits { late: LIMIT, lost: LIMIT, ..Limits::default() };
+            let mut how = Scheduling { estimator, queue, limits, ..Scheduling::default() };
             let mut hits = vec![Hit::MISS; rays.len()];
             balancer.trace(&stream, &mut how, &mut hits, None, Control::default())?;
             drop(balancer);

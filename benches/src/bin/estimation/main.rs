@@ -26,8 +26,8 @@ use backend_cpu::CpuDevice;
 use measure::{Case, Outcome};
 use options::Options;
 use rt_benches::BenchScene;
-use rt_core::{Device, Hit, Launch, RaySource, StreamKind, StreamSpec, Tracer, tasks_of};
-use rt_scene::streams::Spawner;
+use rt_core::{Device, Launch, RaySource, Scene, StreamKind, StreamSpec, Tracer, tasks_of};
+use rt_scene::streams::Wave;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::sync::Arc;
@@ -50,7 +50,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let device = devices.first().ok_or("no CPU device")?;
         for &kind in &options.kinds {
             let mut tracer = device.tracer(Arc::clone(&built), now)?;
-            let source = rays(&scene, &options, kind, &mut *tracer)?;
+            let source = rays(&scene, &built, &options, kind, &mut *tracer)?;
             for &size in &options.task_sizes {
                 results.push(one(&scene.name, &options, &mut *tracer, kind, &source, size)?);
             }
@@ -72,11 +72,14 @@ fn now() -> Duration {
 /// All rays of one kind; diffuse ones start at the hits of the primary ones.
 fn rays(
     scene: &BenchScene,
+    built: &Arc<Scene>,
     options: &Options,
     kind: StreamKind,
     tracer: &mut dyn Tracer,
 ) -> Result<RaySource, Box<dyn Error>> {
-    let primary = scene.primary(options.size, 1, 1)?;
+    let paths = scene.paths(built, options.size, 1, 1)?;
+    let camera = paths.primary(&Wave::whole(options.size)?);
+    let primary = camera.source.clone();
     if kind == StreamKind::Primary {
         return Ok(primary);
     }
@@ -84,9 +87,8 @@ fn rays(
     let mut launch = Launch::default();
     let ticket = tracer.submit(&tasks_of(primary.len(), 1024), None)?;
     tracer.wait(ticket, LIMIT, &mut launch)?;
-    let hits: &[Hit] = &launch.hits;
-    let spawner = Spawner { model: &scene.model, rays: &primary, hits, seed: 1, samples: 1, bounce: 0 };
-    Ok(spawner.diffuse(0..hits.len() as u32).into_source().0)
+    let [_, diffuse] = paths.follow(&camera, &launch.hits);
+    Ok(diffuse.source)
 }
 
 /// One scene, kind of rays and task size.

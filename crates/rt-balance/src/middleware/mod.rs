@@ -7,6 +7,6 @@ mod faulty;
 mod recorded;
 mod throttled;
 
-pub use faulty::{Fault, Faulty};
+pub use faulty::{Failure, Fault, Faulty, FaultyCall, Lie};
 pub use recorded::{Record, Recorded};
 pub use throttled::Throttled;

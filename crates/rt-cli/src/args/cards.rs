@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use rt_balance::Device;
-use rt_balance::devices::{self, CardOptions, Opened, Opener};
+use rt_balance::devices::{self, CardOptions, Opener};
 use rt_balance::vulkan::{Layout, Layouts, Tuning};
 use std::sync::Arc;
 
@@ -45,10 +45,5 @@ impl CardArgs {
     pub(crate) fn open(self, list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
         let opened = Opener::with_cards(self.options()).open(list.unwrap_or(devices::AUTO)).context("--devices")?;
         Ok(opened.into_iter().map(|opened| opened.device).collect())
-    }
-
-    /// Opens the devices of `--devices`, to work one after the other.
-    pub(crate) fn open_in_turn(self, list: Option<&str>) -> Result<Vec<Opened>> {
-        Opener::with_cards(self.options()).open_in_turn(list.unwrap_or(devices::AUTO)).context("--devices")
     }
 }

@@ -1,6 +1,22 @@
-//! Values on the command line: fractions, sizes, points, amounts of memory.
+//! Values on the command line: names of the catalogue, fractions, sizes, points, amounts of memory.
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::Vec3;
+use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
+use std::time::Duration;
+
+/// Names of a list of the catalogue.
+pub(super) fn named<T: Send + Sync>(entries: &'static [Entry<T>]) -> impl TypedValueParser<Value = &'static Entry<T>> {
+    PossibleValuesParser::new(entries.iter().map(|entry| PossibleValue::new(entry.name).help(entry.what)))
+        .map(|name| catalogue::find(entries, &name).expect("no other name passes the parser"))
+}
+
+/// What the walk of a reduced estimator does at a leaf: the estimator's name without what all have in common.
+pub(super) fn reduced_walk() -> impl TypedValueParser<Value = &'static Entry<Make>> {
+    let short = |entry: &'static Entry<Make>| entry.name.strip_prefix("reduced-").unwrap_or("leaf");
+    PossibleValuesParser::new(reduced_estimators().map(|entry| PossibleValue::new(short(entry)).help(entry.what)))
+        .map(move |name| reduced_estimators().find(|e| short(e) == name).expect("no other name passes the parser"))
+}
 
 pub(super) fn parse_fraction(text: &str) -> Result<f64, String> {
     let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));
@@ -16,6 +32,11 @@ pub(super) fn parse_share(text: &str) -> Result<f64, String> {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
         _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
     }
+}
+
+pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.trim().parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    seconds.filter(|seconds| !seconds.is_zero()).ok_or_else(|| "must be a number of seconds above 0".to_owned())
 }
 
 pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
@@ -58,6 +79,8 @@ mod tests {
     fn values_are_parsed_or_explained() {
         assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
         assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
+        assert_eq!(parse_seconds("0.5"), Ok(Duration::from_millis(500)));
+        assert!(["0", "-1", "nan", "inf", "1e300", "soon"].iter().all(|text| parse_seconds(text).is_err()));
         assert_eq!(parse_size("640x400"), Ok([640, 400]));
         assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
         assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));

@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 use rt_bvh::Builder;
 use rt_core::Precision;
+use rt_lab::DEFAULT_BUILDER;
 
 /// Where the scene comes from and how its tree is built.
 #[derive(Clone, Debug, Args)]
@@ -11,16 +12,12 @@ pub(crate) struct SceneArgs {
     #[arg(long)]
     pub(crate) drop_invalid: bool,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Triangle tests: robust (watertight), fast (leaks on edges), f64; default: what the scene requires
     #[arg(long, value_enum)]
     pub(crate) precision: Option<PrecisionArg>,
 }
-
-/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than `sah`, whose trees are
-/// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
-pub(crate) const DEFAULT_BUILDER: &str = "ploc-medium";
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {

@@ -1,9 +1,10 @@
 //! Options of `raybalance tradeoff` and of each trade.
 
+use super::SceneArgs;
 use super::parse::parse_size;
-use super::{DEFAULT_BUILDER, SceneArgs};
 use clap::{Args, Subcommand};
 use rt_bvh::Builder;
+use rt_lab::DEFAULT_BUILDER;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -78,7 +79,7 @@ pub(crate) struct PrecisionTradeoffArgs {
     #[arg(long, value_name = "N")]
     pub(crate) sample: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Seed of the rays
     #[arg(long, default_value_t = 1)]
@@ -86,27 +87,4 @@ pub(crate) struct PrecisionTradeoffArgs {
     /// Folder for precision.json, precision.csv, precision.md, precision.svg and report.html
     #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
     pub(crate) out: PathBuf,
-}
-
-impl PrecisionTradeoffArgs {
-    /// What suits the options of all trades together; `device` is measured unless another one is named.
-    pub(crate) fn of(all: &TradeArgs, device: &str) -> Self {
-        Self {
-            scenes: all.scenes.clone(),
-            backend: all.devices.as_deref().unwrap_or(device).to_owned(),
-            quick: all.quick,
-            runs: all.repeat,
-            size: all.size,
-            sample: None,
-            builder: all.source.builder,
-            seed: all.seed,
-            out: all.out.clone(),
-        }
-    }
-
-    /// Size of the picture, number of runs and of sampled rays.
-    pub(crate) fn effort(&self) -> ([u32; 2], u32, u32) {
-        let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
-        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
-    }
 }

@@ -1,8 +1,9 @@
 //! Options of `raybalance verify`.
 
-use super::{DEFAULT_BUILDER, PrecisionArg};
+use super::PrecisionArg;
 use clap::Args;
 use rt_bvh::Builder;
+use rt_lab::DEFAULT_BUILDER;
 
 #[derive(Debug, Args)]
 #[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
@@ -29,7 +30,7 @@ pub(crate) struct VerifyArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
     pub(crate) rays: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Seed of rays and meshes
     #[arg(long, default_value_t = 1)]

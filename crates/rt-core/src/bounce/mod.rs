@@ -55,9 +55,18 @@ impl Surfaces {
     pub fn triangle(&self, primitive: u32) -> Option<&Triangle> {
         self.scene.triangles().get(self.slot(primitive)? as usize)
     }
+
+    /// The surface of a primitive; `None` where rays cannot leave it, since it is none of the scene's or has no area as
+    /// far as single precision can tell.
+    #[must_use]
+    pub fn get(&self, primitive: u32) -> Option<Surface> {
+        Surface::new(self.triangle(primitive)?, self.scene.scale_exponent())
+    }
 }
 
-/// Where a ray leaves a surface: a point of a triangle, one of its sides, and the ray that met it. 16 bytes.
+/// Where a ray leaves a surface: a point of a triangle, one of its sides, and the path that the ray belongs to. 16 bytes.
+///
+/// A path is a ray from the camera with all that follows from it, one ray after the other.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct Departure {
@@ -66,8 +75,9 @@ pub struct Departure {
     pub weights: [u32; 2],
     /// The triangle.
     pub primitive: u32,
-    /// Number of the ray that met it, in its own stream.
-    pub parent: u32,
+    /// Number of the path in its wave: that of the camera ray it began with. So a ray knows its pixel and its random numbers
+    /// however many paths have ended before.
+    pub path: u32,
 }
 
 /// 1 in units of 2⁻²⁴, the finest in which single precision holds all of `0..=1`.
@@ -79,7 +89,7 @@ impl Departure {
 
     /// From the point of a hit; `None` for a miss, and for weights that are no weights.
     #[must_use]
-    pub fn new(hit: &Hit, behind: bool, parent: u32) -> Option<Self> {
+    pub fn new(hit: &Hit, behind: bool, path: u32) -> Option<Self> {
         // Twice as wide as rounding could ever make them.
         let is_weight = |w: f32| (-0.01..=1.01).contains(&w);
         if !(hit.is_hit() && is_weight(hit.u) && is_weight(hit.v)) {
@@ -88,7 +98,7 @@ impl Departure {
         // Not negative: the conversion to whole numbers makes that 0.
         let [u, v] = [hit.u, hit.v].map(|w| ((f64::from(w) * f64::from(ONE) + 0.5) as u32).min(ONE));
         let side = if behind { Self::BEHIND } else { 0 };
-        Some(Self { weights: [u | side, v.min(ONE - u)], primitive: hit.primitive, parent })
+        Some(Self { weights: [u | side, v.min(ONE - u)], primitive: hit.primitive, path })
     }
 
     /// Whether the ray leaves from the side away from the normal.
@@ -114,18 +124,20 @@ impl Departure {
 
 /// How the directions of a stream are drawn.
 ///
-/// Random numbers come from [`random::spread_pair`] of (seed, group of the parent ray, bounce, number in the group), so
-/// that the rays of one group spread evenly. Two streams that number their parents from 0 (the waves of an image, the
-/// frames of an animation) need different seeds.
+/// Random numbers come from [`random::spread_pair`] of (seed, group of the path, bounce, number in the group), so that the
+/// rays of one group spread evenly. They do not depend on the waves in which an image is traced, since each wave says which
+/// group its first one is. The frames of an animation number their groups alike and need different seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
     /// Where the rays go.
     pub aim: Aim,
     /// Seed of the random numbers.
     pub seed: u32,
-    /// Consecutive parents that are summed up in the end, as those of one pixel; 0 counts as 1.
+    /// Consecutive paths that make a group and are summed up in the end, as those of one pixel; 0 counts as 1.
     pub samples: u32,
-    /// Number of bounces before: 0 where the parents are primary rays.
+    /// Number of the group that the wave's first path belongs to.
+    pub first_group: u32,
+    /// Number of bounces before: 0 for rays that leave where camera rays hit.
     pub bounce: u32,
 }
 
@@ -140,18 +152,19 @@ impl Scatter {
         self.bounce.wrapping_mul(2).wrapping_add(purpose)
     }
 
-    /// The direction of the ray that leaves on the side of `normal` where ray `parent` met the surface.
+    /// The direction in which `path` goes on from the side of `normal`.
     #[must_use]
-    pub fn direction(&self, normal: Vec3, parent: u32) -> Vec3 {
+    pub fn direction(&self, normal: Vec3, path: u32) -> Vec3 {
         let samples = self.samples.max(1);
-        let uniform = random::spread_pair(self.seed, parent / samples, self.dimension(), parent % samples);
+        let group = self.first_group.wrapping_add(path / samples);
+        let uniform = random::spread_pair(self.seed, group, self.dimension(), path % samples);
         self.aim.direction(normal, uniform)
     }
 
     /// The ray that leaves a surface: `tmin = 0`, `tmax = ∞`, a direction of unit length up to rounding.
     #[must_use]
     pub fn ray(&self, surface: &Surface, from: &Departure) -> Ray {
-        Ray::new(from.origin(surface), self.direction(from.normal(surface), from.parent))
+        Ray::new(from.origin(surface), self.direction(from.normal(surface), from.path))
     }
 }
 
@@ -184,9 +197,10 @@ impl BounceRays {
     #[must_use]
     pub fn ray(&self, index: u32) -> (Ray, u32) {
         let from = &self.departures[index as usize];
-        let triangle = self.surfaces.triangle(from.primitive);
-        let surface = triangle.and_then(|triangle| Surface::new(triangle, self.surfaces.scene.scale_exponent()));
-        let ray = surface.map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |surface| self.scatter.ray(&surface, from));
+        let ray = self
+            .surfaces
+            .get(from.primitive)
+            .map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |surface| self.scatter.ray(&surface, from));
         (ray, from.primitive)
     }
 }

@@ -129,7 +129,7 @@ fn nothing_comes_of_nothing() {
 fn the_unit_of_the_scene_does_not_matter() {
     for i in 0..2000 {
         let triangle = Triangle::new(vertex(i, 0, 1.0, 0.0), vertex(i, 1, 1.0, 0.0), vertex(i, 2, 1.0, 0.0));
-        let from = Departure { weights: [ONE / 3, ONE / 5], primitive: 0, parent: i };
+        let from = Departure { weights: [ONE / 3, ONE / 5], primitive: 0, path: i };
         let origin = |triangle: &Triangle, exponent| {
             Surface::new(triangle, exponent).map(|surface| from.origin(&surface).to_array().map(f32::to_bits))
         };

@@ -67,9 +67,9 @@ fn an_origin_in_a_triangle_hits_it_at_zero() {
 #[test]
 fn a_tiny_triangle_beside_the_ray_is_not_hit() {
     let tiny = Triangle::new(
-        Vec3::new(7.592_684_75e-15, 5.969_877_2e-15, 9.176_922_66e-15),
-        Vec3::new(6.896_301_7e-15, 5.003_564_23e-15, 7.708_380_98e-16),
-        Vec3::new(4.884_492_15e-15, 2.128_310_04e-15, 1.326_962_98e-15),
+        Vec3::new(7.592_685e-15, 5.969_877e-15, 9.176_923e-15),
+        Vec3::new(6.896_301_7e-15, 5.003_564_2e-15, 7.708_381e-16),
+        Vec3::new(4.884_492e-15, 2.128_31e-15, 1.326_963e-15),
     );
     let to = tiny.vertices().map(|p| p.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
     for i in 0..200 {
@@ -120,7 +120,8 @@ fn whole_f64(x: f64) -> IBig {
 
 /// U, V and W, and what t is a multiple of them.
 fn volumes(ray: &Ray, triangle: &Triangle) -> ([IBig; 3], IBig) {
-    let [o, d, a, b, c] = [ray.origin, ray.direction, triangle.a, triangle.b, triangle.c].map(|p| p.to_array().map(whole));
+    let [o, d, a, b, c] =
+        [ray.origin, ray.direction, triangle.a, triangle.b, triangle.c].map(|p| p.to_array().map(whole));
     let [a, b, c] = [a, b, c].map(|p| [0, 1, 2].map(|i| &p[i] - &o[i]));
     let volume = |p: &[IBig; 3], q: &[IBig; 3], r: &[IBig; 3]| {
         [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
@@ -171,7 +172,8 @@ fn assert_right(ray: &Ray, triangle: &Triangle) {
     // In units of 2⁻¹⁵⁰, so that what is halfway between two numbers is whole.
     let exact = depth << 150;
     let at = |t: f32| whole(t);
-    let (below, above) = (at(hit.t) + at(hit.t.next_down().max(f32::MIN)), at(hit.t) + at(hit.t.next_up().min(f32::MAX)));
+    let (below, above) =
+        (at(hit.t) + at(hit.t.next_down().max(f32::MIN)), at(hit.t) + at(hit.t.next_up().min(f32::MAX)));
     let even = hit.t.to_bits() & 1 == 0;
     let (above, below) = (above * &determinant, below * &determinant);
     if hit.t == 0.0 {
@@ -294,10 +296,12 @@ fn areas_are_those_of_whole_numbers() {
 // What a distance is rounded to where it lies exactly halfway between two numbers, from a table.
 #[test]
 fn draws_are_rounded_to_even() {
-    let draws: Vec<(f32, f32)> = [(16_777_217.0, 16_777_216.0), (16_777_219.0, 16_777_220.0)].map(|(t, r): (f64, f32)| {
-        // The distance is t: from −t/2 to t/2, rounded coordinates being exact halves.
-        ((t / 2.0 - 0.5) as f32, r)
-    }).to_vec();
+    let draws: Vec<(f32, f32)> = [(16_777_217.0, 16_777_216.0), (16_777_219.0, 16_777_220.0)]
+        .map(|(t, r): (f64, f32)| {
+            // The distance is t: from −t/2 to t/2, rounded coordinates being exact halves.
+            ((t / 2.0 - 0.5) as f32, r)
+        })
+        .to_vec();
     for (z, expected) in draws {
         // From below 0 by z + 1 to z: 2z + 1 units in single steps.
         let ray = Ray::new(Vec3::new(0.25, 0.25, -z - 1.0), Vec3::Z);

@@ -61,6 +61,10 @@ impl TaskQueue for CentralQueue {
         self.ledger.retire(device, unfinished);
     }
 
+    fn readmit(&self, device: usize) {
+        self.ledger.readmit(device);
+    }
+
     fn unfinished_tasks(&self) -> Vec<TaskId> {
         self.ledger.unfinished_tasks()
     }

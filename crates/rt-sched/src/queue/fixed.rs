@@ -54,6 +54,10 @@ impl TaskQueue for StaticQueue {
         }
     }
 
+    fn readmit(&self, device: usize) {
+        self.ledger.readmit(device);
+    }
+
     fn unfinished_tasks(&self) -> Vec<TaskId> {
         self.ledger.unfinished_tasks()
     }

@@ -264,6 +264,10 @@ impl TaskQueue for HybridQueue {
         self.ledger.retire(device, unfinished);
     }
 
+    fn readmit(&self, device: usize) {
+        self.ledger.readmit(device);
+    }
+
     fn unfinished_tasks(&self) -> Vec<TaskId> {
         self.ledger.unfinished_tasks()
     }

@@ -81,6 +81,13 @@ impl Ledger {
         }
     }
 
+    /// Marks the device as no longer lost.
+    pub(crate) fn readmit(&self, device: usize) {
+        if self.retired.get(device).is_some_and(|r| r.swap(false, Ordering::AcqRel)) {
+            self.alive.fetch_add(1, Ordering::AcqRel);
+        }
+    }
+
     /// Makes an orphan of a task that the caller alone has claimed.
     pub(crate) fn orphan(&self, task: TaskId) {
         self.orphan_count.fetch_add(1, Ordering::AcqRel);

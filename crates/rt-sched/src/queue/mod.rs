@@ -16,6 +16,7 @@
 //!
 //! Queues own no thread and no clock. What a caller owes them: every task of a launch is in the end named in `finish`
 //! or in `retire`, and a device told [`Pop::Wait`] asks again after the next `finish` or `retire` of any device.
+//! The driver of rt-balance calls from one thread; others may call from one for each device.
 
 mod atomics;
 mod central;
@@ -57,12 +58,20 @@ pub trait TaskQueue: Debug + Send + Sync {
     /// Says that the hits of `tasks`, popped by `device`, are on the host.
     fn finish(&self, device: usize, tasks: &[TaskId]);
 
-    /// Says that `device` is lost and will finish none of `unfinished`.
+    /// Says that `device` is lost, or so late that it may be, and will perhaps finish none of `unfinished`.
     ///
     /// Those tasks, and all that was still reserved for the device, go to the others; popped tasks that are not named
     /// stay with it and can still be finished. From now on the device is told [`Pop::Done`]. May be called again,
     /// with tasks of a `pop` that overlapped the first call.
     fn retire(&self, device: usize, unfinished: &[TaskId]);
+
+    /// Says that a retired device is back: it was late, not lost. What it had in flight may have been handed out again; from
+    /// now on it may pop again.
+    ///
+    /// A queue that leaves this out gives the device nothing more, which costs speed and no result.
+    fn readmit(&self, device: usize) {
+        let _ = device;
+    }
 
     /// Tasks that are not finished, in increasing order: after all devices were told [`Pop::Done`], what a run whose
     /// devices were all lost has left over.

@@ -8,9 +8,12 @@ use crate::trial::{Refusal, Session, Trial};
 use crate::{Promise, rays, tree};
 use glam::Vec3;
 use rayon::prelude::*;
-use rt_core::{Aabb, Hit, Query, Ray, RaySource, Triangle, random};
+use rt_core::bounce::{Aim, Surfaces};
+use rt_core::{Aabb, Query, Ray, RaySource, Triangle, random};
 use rt_scene::Model;
-use rt_scene::streams::{Spawned, Spawner};
+use rt_scene::streams::Spawner;
+use std::ops::Range;
+use std::sync::Arc;
 
 pub(super) const NAME: &str = "self-hits";
 
@@ -48,11 +51,6 @@ impl Surface {
         let from = middle + rays::sphere([x, y]) * reach * if self.convex { 1.0 } else { 0.4 };
         Ray::new(from, if from == target { Vec3::X } else { target - from })
     }
-
-    fn spawn(&self, rays: &RaySource, hits: &[Hit], seed: u32) -> Spawned {
-        let spawner = Spawner { model: &self.model, rays, hits, seed, samples: 1, bounce: 0 };
-        spawner.diffuse(0..hits.len() as u32)
-    }
 }
 
 pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped> {
@@ -79,12 +77,13 @@ fn line(trial: &Trial<'_>, surface: &Surface, what: String, each: u32, start: f6
     let triangles: Vec<Triangle> =
         (0..surface.model.indices.len() as u32).filter_map(|i| surface.model.triangle(i)).collect();
     let scene = tree::build(&triangles, trial.options().builder).map_err(Refusal::Broken);
-    match scene.and_then(|scene| trial.open(&scene)) {
-        Ok(mut session) => {
+    match scene.and_then(|scene| Ok((trial.open(&scene)?, Arc::new(Surfaces::new(scene))))) {
+        Ok((mut session, surfaces)) => {
             for first in (0..each).step_by(BATCH as usize) {
                 trial.advance(start + share * f64::from(first) / f64::from(each))?;
                 let count = BATCH.min(each - first);
-                if let Err(refusal) = batch(trial, &mut session, surface, first, count, &mut tally) {
+                if let Err(refusal) = batch(trial, &mut session, (surface, &surfaces), first..first + count, &mut tally)
+                {
                     tally.refuse(&refusal, count as usize);
                     break;
                 }
@@ -100,21 +99,23 @@ fn line(trial: &Trial<'_>, surface: &Surface, what: String, each: u32, start: f6
 fn batch(
     trial: &Trial<'_>,
     session: &mut Session,
-    surface: &Surface,
-    first: u32,
-    count: u32,
+    (surface, surfaces): (&Surface, &Arc<Surfaces>),
+    numbers: Range<u32>,
     tally: &mut Tally,
 ) -> Result<(), Refusal> {
     let seed = trial.options().seed;
-    let rays: Vec<Ray> = (first..first + count).into_par_iter().map(|i| surface.ray(seed, i)).collect();
+    let first = numbers.start;
+    let rays: Vec<Ray> = numbers.into_par_iter().map(|i| surface.ray(seed, i)).collect();
     let hits = session.trace(&rays.iter().map(|ray| (*ray, u32::MAX)).collect::<Vec<_>>(), Query::Closest)?;
     let source = RaySource::Explicit { rays: rays.into(), origins: None };
-    let spawned = surface.spawn(&source, &hits, seed.wrapping_add(first));
-    let pairs: Vec<(Ray, u32)> = spawned.rays.iter().copied().zip(spawned.origins.iter().copied()).collect();
-    let alone: Vec<(Ray, u32)> = spawned.rays.iter().map(|ray| (*ray, u32::MAX)).collect();
+    let seed = seed.wrapping_add(first);
+    let spawner = Spawner { surfaces, rays: &source, hits: &hits, seed, samples: 1, first_group: 0, bounce: 0 };
+    let [spawned] = spawner.streams([Aim::Cosine]);
+    let pairs: Vec<(Ray, u32)> = (0..spawned.len()).into_par_iter().map(|i| spawned.ray(i)).collect();
+    let alone: Vec<(Ray, u32)> = pairs.iter().map(|(ray, _)| (*ray, u32::MAX)).collect();
     for (rays, how) in [(&pairs, "left out"), (&alone, "not left out")] {
         let hits = session.trace(rays, Query::Closest)?;
-        for ((hit, (ray, _)), origin) in hits.iter().zip(rays).zip(&spawned.origins) {
+        for ((hit, (ray, _)), (_, origin)) in hits.iter().zip(rays).zip(&pairs) {
             let clean = if surface.convex { !hit.is_hit() } else { hit.primitive != *origin };
             tally.check(clean, || format!("{ray:?} from primitive {origin}, {how}: {hit:?}"));
         }

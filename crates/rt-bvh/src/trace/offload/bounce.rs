@@ -24,12 +24,12 @@ pub struct KernelBounce {
     pub seed: u32,
     /// Another radius.
     pub bitangent: Vec3,
-    /// Consecutive parents whose rays spread evenly.
+    /// Consecutive paths whose rays spread evenly: a group.
     pub samples: u32,
     /// [`rt_core::bounce::Scatter::dimension`].
     pub dimension: u32,
-    /// Word at which the table of parents begins.
-    pub parents: u32,
+    /// Word at which the table of paths begins.
+    pub paths: u32,
     /// How many rays to make.
     pub count: u32,
     /// Largest accepted distance.
@@ -42,7 +42,9 @@ pub struct KernelBounce {
     pub zero: u32,
     /// Word at which the departures begin.
     pub departures: u32,
-    unused: [u32; 2],
+    /// [`rt_core::bounce::Scatter::first_group`].
+    pub first_group: u32,
+    unused: u32,
 }
 
 /// Exponent of 1 as [`Offload::bounce`] counts them: 1 is in [2⁻¹, 2⁰) times 2.
@@ -88,14 +90,15 @@ impl Offload<'_> {
             bitangent,
             samples: rays.scatter.samples.max(1),
             dimension: rays.scatter.dimension(),
-            parents: 0,
+            paths: 0,
             count: rays.len(),
             tmax: f32::MAX,
             coordinates: [least, greatest].map(|exponent| (exponent + UNIT) as u32),
             exponents,
             zero: 0,
             departures: 0,
-            unused: [0; 2],
+            first_group: rays.scatter.first_group,
+            unused: 0,
         })
     }
 }

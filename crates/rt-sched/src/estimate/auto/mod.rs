@@ -111,6 +111,9 @@ impl Kind {
 }
 
 impl Auto {
+    /// The usual budget, as a share of the trace.
+    pub const BUDGET: f64 = BUDGET;
+
     /// An estimator that may spend `budget`, a share of the trace.
     #[must_use]
     pub fn new(budget: f64) -> Self {

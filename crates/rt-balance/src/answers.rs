@@ -1,0 +1,282 @@
+//! What is believed of a device's answers.
+//!
+//! Two nets, of different mesh. *What cannot be true* is looked for in every hit, since it costs next to nothing beside
+//! copying it: another number of hits than rays, a primitive that the scene does not have or that the ray starts on, a
+//! distance that is no number or outside the ray. One such hit, and the device is not believed any more. *What is not true* is
+//! looked for in a sample, which the host traces again ([`Audit`]): a single hit that is refused may be a rounding that the
+//! host sees otherwise, so it is replaced by the host's and counted; a device of which more than [`MOST_REFUSED`] is refused
+//! is not believed.
+//!
+//! A device that is not believed drops out, and all that it brought in the stream is done again by others.
+//!
+//! This cannot see: single wrong hits that no sample met; wrong counts, which cost balance but no hit.
+
+use rt_bvh::Stack;
+use rt_core::{
+    DeviceError, DeviceErrorKind, Hit, Launch, Query, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
+    random,
+};
+use std::sync::Arc;
+
+/// The share of the rays of a launch, beyond a single one, that the host may refuse before the device is not believed.
+///
+/// What roundings alone can differ in is far less: Embree, which decides edges otherwise, differs from us in less than one
+/// in a thousand of rays that are aimed at edges. Launches of another stream, or of a device whose kernels do nothing, are wrong in
+/// every second ray.
+pub(crate) const MOST_REFUSED: f64 = 1.0 / 32.0;
+
+/// Rays of a launch that are traced again where one of the sample was refused: enough to tell a share of a thirty-second
+/// from a single ray.
+const CLOSER_LOOK: usize = 256;
+
+/// Relative difference of distances that a rounding may make: single precision at grazing angles.
+const ROUNDING: f32 = 1e-3;
+
+/// By how much barycentric weights may leave 0 to 1, for the same reason.
+const SLACK: f32 = 1e-3;
+
+/// How many of a device's hits the host traces again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Audit(f64);
+
+impl Audit {
+    /// No hit.
+    pub const OFF: Self = Self(0.0);
+
+    /// Every hit: as slow as the host.
+    pub const ALL: Self = Self(1.0);
+
+    /// That share of each launch's rays, at least one of them; `None` unless it is from 0 to 1.
+    #[must_use]
+    pub fn share(share: f64) -> Option<Self> {
+        (0.0..=1.0).contains(&share).then_some(Self(share))
+    }
+
+    /// Every how many rays one is traced again; `None` for none.
+    fn period(self) -> Option<usize> {
+        // Saturates.
+        (self.0 > 0.0).then(|| (1.0 / self.0).round() as usize)
+    }
+}
+
+impl Default for Audit {
+    /// One ray in ten thousand, and one of each launch: a thousandth of the time of a launch of a thousand rays. A device
+    /// whose launches are wrong in half of their rays is found out in its first two, on average.
+    fn default() -> Self {
+        Self(1e-4)
+    }
+}
+
+/// What was looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Checked {
+    /// Rays that the host traced again.
+    pub(crate) audited: u64,
+    /// Those of them whose answer was replaced by the host's.
+    pub(crate) refused: u64,
+}
+
+impl Checked {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.audited += other.audited;
+        self.refused += other.refused;
+    }
+}
+
+/// What a device is asked, and so what its answers must fit.
+#[derive(Debug)]
+pub(crate) struct Asked {
+    scene: Arc<Scene>,
+    source: RaySource,
+    spec: StreamSpec,
+    audit: Audit,
+    /// Of the host's traversal.
+    stack: Stack,
+    /// Launches and walks so far, so that each is sampled elsewhere.
+    number: u32,
+}
+
+fn untrue(message: String) -> DeviceError {
+    DeviceError::new(DeviceErrorKind::WrongAnswer, message)
+}
+
+impl Asked {
+    pub(crate) fn new(scene: Arc<Scene>) -> Self {
+        let source = RaySource::Explicit { rays: Arc::new([]), origins: None };
+        Self {
+            stack: Stack::for_scene(&scene),
+            scene,
+            source,
+            spec: StreamSpec::default(),
+            audit: Audit::OFF,
+            number: 0,
+        }
+    }
+
+    /// From now on these rays are asked for.
+    pub(crate) fn load(&mut self, source: RaySource, spec: StreamSpec, audit: Audit) {
+        (self.source, self.spec, self.audit) = (source, spec, audit);
+    }
+
+    /// Looks at the results of a launch. What the host refused is replaced.
+    ///
+    /// # Errors
+    /// When the device cannot be believed.
+    pub(crate) fn check_launch(
+        &mut self,
+        tasks: &[Task],
+        done: Option<&RayMask>,
+        launch: &mut Launch,
+    ) -> Result<Checked, DeviceError> {
+        let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
+        let Launch { hits, counts, task_seconds, span } = launch;
+        if hits.len() != rays || (self.spec.counts && counts.len() != rays) {
+            let (found, counted) = (hits.len(), counts.len());
+            return Err(untrue(format!("a launch of {rays} rays came back with {found} hits and {counted} counts")));
+        }
+        *span = self.check_span(*span)?;
+        if !task_seconds.iter().all(|seconds| seconds.is_finite() && *seconds >= 0.0) {
+            // Then only the launch's time is known.
+            task_seconds.clear();
+        }
+        let known = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
+        let asked = || tasks.iter().flat_map(Task::range);
+        self.possible(asked().zip(hits.iter()).filter(|(ray, _)| !known(*ray)))?;
+        let counts = if self.spec.counts { &mut counts[..] } else { &mut [] };
+        // Where a launch's rays are in the list of all its rays.
+        let mut starts = Vec::with_capacity(tasks.len());
+        let mut sum = 0;
+        for task in tasks {
+            starts.push(sum);
+            sum += task.rays as usize;
+        }
+        let ray = |place: usize| {
+            let task = starts.partition_point(|&start| start <= place).checked_sub(1)?;
+            let ray = tasks.get(task)?.first + (place - starts[task]) as u32;
+            (!known(ray)).then_some(ray)
+        };
+        self.audit(rays, ray, hits, counts)
+    }
+
+    /// Looks at the hits of a full walk. What the host refused is replaced.
+    ///
+    /// # Errors
+    /// When the device cannot be believed.
+    pub(crate) fn check_walk(
+        &mut self,
+        rays: &[u32],
+        hits: &mut [Hit],
+        counts: &mut [TestCounts],
+    ) -> Result<Checked, DeviceError> {
+        self.possible(rays.iter().copied().zip(hits.iter()))?;
+        self.audit(rays.len(), |place| rays.get(place).copied(), hits, counts)
+    }
+
+    /// A span that ends after it began. A device's clock is not the host's, but it must be a clock.
+    pub(crate) fn check_span(&self, span: Span) -> Result<Span, DeviceError> {
+        if span.end < span.start {
+            return Err(untrue(format!("a launch that began at {:?} ended at {:?}", span.start, span.end)));
+        }
+        Ok(Span { in_kernel: span.in_kernel.min(span.duration()), ..span })
+    }
+
+    /// Refuses what cannot be true, whatever the scene looks like.
+    fn possible<'h>(&self, mut hits: impl Iterator<Item = (u32, &'h Hit)>) -> Result<(), DeviceError> {
+        let primitives = self.scene.primitive_count();
+        let wrong = match &self.source {
+            RaySource::Explicit { rays, origins } => hits.find(|(index, hit)| {
+                let ray = &rays[*index as usize];
+                let start = origins.as_ref().map_or(u32::MAX, |origins| origins[*index as usize]);
+                !(is_miss(hit) || is_possible(hit, [ray.tmin, ray.tmax], start, primitives) && ray.is_valid())
+            }),
+            RaySource::Camera(_) => {
+                hits.find(|(_, hit)| !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], u32::MAX, primitives)))
+            }
+            RaySource::Bounce(bounce) => hits.find(|(index, hit)| {
+                let start = bounce.departures[*index as usize].primitive;
+                !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], start, primitives))
+            }),
+        };
+        match wrong {
+            None => Ok(()),
+            Some((ray, Hit { t, u, v, primitive })) => Err(untrue(format!(
+                "its answer for ray {ray} cannot be true: t {t}, u {u}, v {v}, primitive {primitive} of {primitives}"
+            ))),
+        }
+    }
+
+    /// Traces a sample again; `ray` is the ray at a place, unless its answer does not count.
+    fn audit(
+        &mut self,
+        places: usize,
+        ray: impl Fn(usize) -> Option<u32>,
+        hits: &mut [Hit],
+        counts: &mut [TestCounts],
+    ) -> Result<Checked, DeviceError> {
+        let mut checked = Checked::default();
+        let Some(period) = self.audit.period().filter(|_| places > 0) else { return Ok(checked) };
+        self.number = self.number.wrapping_add(1);
+        let period = period.min(places);
+        let start = random::below(period as u32, self.number, places as u32, 0) as usize;
+        self.retrace((start..places).step_by(period), &ray, hits, counts, &mut checked);
+        if checked.refused == 0 {
+            return Ok(checked);
+        }
+        let mut closer = Checked::default();
+        self.retrace((0..places).step_by(places.div_ceil(CLOSER_LOOK)), &ray, hits, counts, &mut closer);
+        // What was found first is right by now.
+        closer.add(checked);
+        if closer.refused as f64 > 1.0 + MOST_REFUSED * closer.audited as f64 {
+            let Checked { audited, refused } = closer;
+            return Err(untrue(format!("of {audited} of its answers that the host traced again {refused} are wrong")));
+        }
+        Ok(closer)
+    }
+
+    fn retrace(
+        &mut self,
+        places: impl Iterator<Item = usize>,
+        ray: impl Fn(usize) -> Option<u32>,
+        hits: &mut [Hit],
+        counts: &mut [TestCounts],
+        checked: &mut Checked,
+    ) {
+        let Self { scene, source, spec, stack, .. } = self;
+        for (place, ray) in places.filter_map(|place| Some((place, ray(place)?))) {
+            let Some(hit) = hits.get_mut(place) else { continue };
+            let spec = StreamSpec { counts: !counts.is_empty(), ..*spec };
+            rt_bvh::trace(scene, stack, spec, std::iter::once(source.ray(ray)), |right, count| {
+                checked.audited += 1;
+                if !is_right(hit, &right, spec.query) {
+                    checked.refused += 1;
+                    *hit = right;
+                    counts.get_mut(place).into_iter().for_each(|slot| *slot = count);
+                }
+            });
+        }
+    }
+}
+
+/// Whether that is how a miss looks.
+fn is_miss(hit: &Hit) -> bool {
+    *hit == Hit::MISS
+}
+
+/// Whether there can be such a hit on a ray from `tmin` to `tmax` that starts on primitive `start`. Not a number is not
+/// possible, whatever it is compared with.
+fn is_possible(hit: &Hit, [tmin, tmax]: [f32; 2], start: u32, primitives: u32) -> bool {
+    let weights = -SLACK..=1.0 + SLACK;
+    hit.primitive < primitives
+        && hit.primitive != start
+        && hit.t.is_finite()
+        && hit.t >= tmin
+        && hit.t <= tmax
+        && weights.contains(&hit.u)
+        && weights.contains(&hit.v)
+}
+
+/// Whether an answer is as good as the host's: the same but for a rounding. Of several candidates for any hit, each is right.
+fn is_right(hit: &Hit, right: &Hit, query: Query) -> bool {
+    let as_near = (hit.t - right.t).abs() <= ROUNDING * right.t.abs().max(f32::MIN_POSITIVE);
+    hit == right || hit.is_hit() && right.is_hit() && (query == Query::Any || as_near)
+}

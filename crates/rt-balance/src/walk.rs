@@ -1,0 +1,256 @@
+//! Walks a list of rays on all devices in parallel.
+
+use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
+use crate::member::{Member, all_lost, cancelled};
+use crate::record::WalkDone;
+use crate::worker::{Answer, Call, Done, Walked};
+use crate::{BalanceError, Control};
+use rt_core::{DeviceError, Hit, TestCounts, Walk};
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::{Duration, Instant};
+
+/// Fewest samples worth a call to a device: below it the hand-over (some 10 µs) costs more than the rays.
+const LEAST_CHUNK: usize = 256;
+
+/// Chunks per device when there are enough samples: fine enough that devices of different speed end together.
+const CHUNKS_PER_DEVICE: usize = 6;
+
+/// Chunks that a device has at a time, so that it goes on while the driver takes its answer.
+const AHEAD: usize = 2;
+
+/// What came of a walk.
+#[derive(Debug, Default)]
+pub(crate) struct Found {
+    /// Of each ray.
+    pub(crate) counts: Vec<TestCounts>,
+    /// Of each ray; empty unless the walk was a full one.
+    pub(crate) hits: Vec<Hit>,
+    /// Which rays of the list each device walked.
+    pub(crate) by: Vec<(Range<usize>, usize)>,
+    pub(crate) walks: Vec<WalkDone>,
+}
+
+/// Walks `rays` on every device that is ready and has such a walk.
+///
+/// # Errors
+/// When the caller cancels, or some rays were walked by no device: all failed, or those left have no such walk.
+pub(crate) fn walk_on_all(
+    members: &mut [Member],
+    rays: &Arc<Vec<u32>>,
+    walk: Walk,
+    limits: &Limits,
+    control: Control<'_>,
+) -> Result<Found, BalanceError> {
+    let (to, answers) = channel();
+    let size = (rays.len() / (members.len() * CHUNKS_PER_DEVICE)).max(LEAST_CHUNK);
+    let chunks: Vec<Range<usize>> = (0..rays.len()).step_by(size).map(|at| at..rays.len().min(at + size)).collect();
+    let walkers = members.iter().filter(|member| member.is_ready()).map(|member| Walker::new(member.index)).collect();
+    let walking = Walking {
+        rays,
+        walk,
+        limits,
+        control,
+        open: (0..chunks.len()).rev().collect(),
+        left: chunks.len(),
+        by: vec![None; chunks.len()],
+        chunks,
+        walkers,
+        slowest: 0.0,
+        unable: None,
+        to,
+        answers,
+        found: Found {
+            counts: vec![TestCounts::default(); rays.len()],
+            hits: vec![Hit::MISS; if walk == Walk::Full { rays.len() } else { 0 }],
+            ..Found::default()
+        },
+    };
+    walking.all(members)
+}
+
+/// A device that walks.
+struct Walker {
+    member: usize,
+    /// Chunks that it was asked for, oldest first.
+    asked: VecDeque<usize>,
+    /// Since when it may have been at the oldest.
+    since: Instant,
+    /// Whether others do its chunks too.
+    late: bool,
+    /// Whether it gets more.
+    able: bool,
+}
+
+impl Walker {
+    fn new(member: usize) -> Self {
+        Self { member, asked: VecDeque::new(), since: Instant::now(), late: false, able: true }
+    }
+}
+
+struct Walking<'a> {
+    rays: &'a Arc<Vec<u32>>,
+    walk: Walk,
+    limits: &'a Limits,
+    control: Control<'a>,
+    chunks: Vec<Range<usize>>,
+    /// Chunks that nobody does, or that those who do them are late with; the next one last.
+    open: Vec<usize>,
+    /// Chunks without an answer.
+    left: usize,
+    /// Who answered.
+    by: Vec<Option<usize>>,
+    walkers: Vec<Walker>,
+    /// Most seconds that a ray took.
+    slowest: f64,
+    /// The last device that has no such walk, and what it says.
+    unable: Option<(usize, DeviceError)>,
+    to: Sender<Answer>,
+    answers: Receiver<Answer>,
+    found: Found,
+}
+
+impl Walking<'_> {
+    fn all(mut self, members: &mut [Member]) -> Result<Found, BalanceError> {
+        loop {
+            for walker in 0..self.walkers.len() {
+                self.feed(walker, members);
+            }
+            let waits = |walker: &Walker| !walker.asked.is_empty();
+            // Whoever is not late is waited for, so that it is ready for what comes next.
+            if self.left == 0 && !self.walkers.iter().any(|walker| waits(walker) && !walker.late) {
+                break;
+            }
+            if !self.walkers.iter().any(waits) {
+                return Err(match self.unable {
+                    Some((index, source)) => BalanceError::Refused { device: members[index].info.name.clone(), source },
+                    None => all_lost(members, 0),
+                });
+            }
+            match hear(&self.answers, self.deadline(members), self.control) {
+                Heard::Answer(answer) => self.take(answer, members),
+                Heard::Late => self.look(members),
+                Heard::Cancelled => return Err(cancelled()),
+            }
+        }
+        for walker in self.walkers.iter().filter(|walker| walker.late && !walker.asked.is_empty()) {
+            members[walker.member].set_late();
+        }
+        let by = self.by.into_iter().zip(self.chunks);
+        self.found.by = by.filter_map(|(by, range)| Some((range, by?))).collect();
+        Ok(self.found)
+    }
+
+    fn feed(&mut self, walker: usize, members: &mut [Member]) {
+        let walker = &mut self.walkers[walker];
+        while walker.able && !walker.late && walker.asked.len() < AHEAD {
+            let Some(chunk) = self.open.pop() else { return };
+            if self.by[chunk].is_some() {
+                continue;
+            }
+            if walker.asked.is_empty() {
+                walker.since = Instant::now();
+            }
+            walker.asked.push_back(chunk);
+            let (rays, range) = (Arc::clone(self.rays), self.chunks[chunk].clone());
+            members[walker.member].ask(Call::Walk { rays, range, walk: self.walk }, &self.to);
+        }
+    }
+
+    /// When others are to do a walker's chunks too.
+    fn late_at(&self, walker: &Walker) -> Option<Instant> {
+        let rays = walker.asked.front().map_or(0, |&chunk| self.chunks[chunk].len());
+        let expected = Duration::try_from_secs_f64(OVERRUN * self.slowest * rays as f64).unwrap_or(Duration::MAX);
+        after(walker.since, self.limits.late).and_then(|at| after(at, expected))
+    }
+
+    fn deadline(&self, members: &[Member]) -> Option<Instant> {
+        let waiting = self.walkers.iter().filter(|walker| !walker.asked.is_empty());
+        waiting.fold(None, |deadline, walker| {
+            let late_at = if walker.late { None } else { self.late_at(walker) };
+            earlier(deadline, earlier(late_at, members[walker.member].lost_at(self.limits)))
+        })
+    }
+
+    /// Looks for devices that are late.
+    fn look(&mut self, members: &mut [Member]) {
+        let now = Instant::now();
+        for index in 0..self.walkers.len() {
+            let walker = &self.walkers[index];
+            let passed = |at: Option<Instant>| at.is_some_and(|at| at <= now);
+            if walker.asked.is_empty() {
+            } else if passed(members[walker.member].lost_at(self.limits)) {
+                members[walker.member].give_up(self.limits);
+                self.give_back(index);
+                self.walkers[index].asked.clear();
+                self.walkers[index].able = false;
+            } else if !walker.late && passed(self.late_at(walker)) {
+                self.give_back(index);
+                self.walkers[index].late = true;
+            }
+        }
+    }
+
+    /// Has others do what a walker has not answered.
+    fn give_back(&mut self, walker: usize) {
+        let (by, asked) = (&self.by, &self.walkers[walker].asked);
+        self.open.extend(asked.iter().filter(|&&chunk| by[chunk].is_none()));
+    }
+
+    fn take(&mut self, answer: Answer, members: &mut [Member]) {
+        let Answer { member, result, status } = answer;
+        let Some(index) = self.walkers.iter().position(|walker| walker.member == member) else { return };
+        members[member].answered(&status);
+        match result {
+            Ok(Done::Walked(walked)) => {
+                let walker = &mut self.walkers[index];
+                let chunk = walker.asked.pop_front();
+                (walker.since, walker.late) = (Instant::now(), false);
+                members[member].checked.add(walked.checked);
+                if let Some(chunk) = chunk {
+                    self.keep(chunk, member, walked);
+                }
+            }
+            Ok(_) => {}
+            Err(error) => {
+                if std::mem::replace(&mut self.walkers[index].able, false) {
+                    self.give_back(index);
+                }
+                if status.lost {
+                    members[member].fail(error);
+                    self.walkers[index].asked.clear();
+                } else {
+                    // It is as it was, and will say the same of what else it was asked; the others walk.
+                    self.walkers[index].asked.pop_front();
+                    self.unable = Some((member, error));
+                }
+            }
+        }
+    }
+
+    /// Takes a chunk's results, unless another device was faster.
+    fn keep(&mut self, chunk: usize, member: usize, walked: Walked) {
+        let range = self.chunks[chunk].clone();
+        let Walked { counts, hits, span, .. } = walked;
+        let rays = range.len();
+        self.slowest = self.slowest.max(span.duration().as_secs_f64() / rays.max(1) as f64);
+        self.found.walks.push(WalkDone {
+            member,
+            span,
+            rays: rays as u32,
+            boxes: counts.iter().map(|c| u64::from(c.boxes)).sum(),
+            triangles: counts.iter().map(|c| u64::from(c.triangles)).sum(),
+        });
+        if self.by[chunk].is_some() {
+            return;
+        }
+        self.by[chunk] = Some(member);
+        self.left -= 1;
+        self.found.counts[range.clone()].copy_from_slice(&counts);
+        if !self.found.hits.is_empty() {
+            self.found.hits[range].copy_from_slice(&hits);
+        }
+    }
+}

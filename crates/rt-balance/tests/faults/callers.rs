@@ -1,0 +1,171 @@
+//! Mistakes of the caller: they are told, and cost no device.
+
+use crate::fixture::{
+    balancer, beside_a_good_one, cpus, faulty, fixture, patient, sampling, trace, trace_well, uniform,
+};
+use rt_balance::middleware::{Failure, Fault, FaultyCall};
+use rt_balance::policies::{Lpt, Policy};
+use rt_balance::{
+    BalanceError, Balancer, Control, CostEstimator, Device, Hit, QueueKind, RaySource, Scheduling, Stream, TestCounts,
+    Walk, Work,
+};
+use rt_core::{CostModel, DeviceErrorKind, Observation, RayStream, Step, Task};
+use rt_sched::Schedule;
+use std::sync::Arc;
+
+/// A mistake: how it is made, and what the error has to name.
+struct Mistake {
+    names: &'static str,
+    stream: Stream,
+    scheduling: Scheduling,
+    /// Room for hits and counts beyond the rays.
+    more: [isize; 2],
+}
+
+fn mistake(names: &'static str) -> Mistake {
+    Mistake { names, stream: fixture().stream.clone(), scheduling: uniform(QueueKind::Hybrid, patient()), more: [0; 2] }
+}
+
+/// An estimator that answers at once, or asks for something first.
+#[derive(Debug)]
+struct Wrong {
+    asks: Vec<u32>,
+    more_tasks: isize,
+}
+
+impl CostEstimator for Wrong {
+    fn name(&self) -> &'static str {
+        "wrong"
+    }
+
+    fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step {
+        if seen.rays.is_empty() && !self.asks.is_empty() {
+            return Step::Sample { rays: self.asks.clone(), walk: Walk::Full };
+        }
+        let tasks = stream.tasks.len().saturating_add_signed(self.more_tasks);
+        Step::Done(vec![Work::new(f32::NAN, f32::NAN, f32::INFINITY); tasks])
+    }
+}
+
+/// A policy that leaves the last task out, or the last device.
+#[derive(Debug)]
+struct Careless {
+    tasks: usize,
+    devices: usize,
+}
+
+impl Policy for Careless {
+    fn name(&self) -> &'static str {
+        "careless"
+    }
+
+    fn schedule(&self, work: &[Work], devices: &[CostModel]) -> Schedule {
+        Lpt.schedule(&work[self.tasks..], &devices[self.devices..])
+    }
+}
+
+fn mistakes() -> Vec<Mistake> {
+    let rays = fixture().hits.len() as u32;
+    let estimating = |names, asks: &[u32], more_tasks| {
+        let estimator = Box::new(Wrong { asks: asks.to_vec(), more_tasks });
+        let scheduling = Scheduling { estimator, ..mistake("").scheduling };
+        Mistake { scheduling, ..mistake(names) }
+    };
+    let dealing = |names, tasks, devices| {
+        let policy: Option<Box<dyn Policy>> = Some(Box::new(Careless { tasks, devices }));
+        let scheduling = Scheduling { policy, ..uniform(QueueKind::Static, patient()) };
+        Mistake { scheduling, ..mistake(names) }
+    };
+    let cut = |names, change: fn(&mut Vec<Task>)| {
+        let mut wrong = mistake(names);
+        change(&mut wrong.stream.tasks);
+        wrong
+    };
+    let starting = |number: usize| {
+        let mut wrong = mistake("`origins`");
+        if let RaySource::Explicit { origins, .. } = &mut wrong.stream.source {
+            *origins = Some(vec![u32::MAX; number].into());
+        }
+        wrong
+    };
+    let losing = |excess| {
+        let scheduling = Scheduling { blind_excess: Some(excess), ..mistake("").scheduling };
+        Mistake { scheduling, ..mistake("blind_excess") }
+    };
+    vec![
+        Mistake { more: [-1, 0], ..mistake("`hits`") },
+        Mistake { more: [1, 0], ..mistake("`hits`") },
+        Mistake { more: [0, -1], ..mistake("`counts`") },
+        starting(0),
+        starting(rays as usize - 1),
+        starting(rays as usize + 1),
+        cut("`tasks`", |tasks| _ = tasks.remove(3)),
+        cut("`tasks`", |tasks| _ = tasks.pop()),
+        cut("`tasks`", |tasks| tasks.push(Task { first: u32::MAX, rays: u32::MAX })),
+        cut("`tasks`", |tasks| tasks[1].rays += 1),
+        estimating("ray 3001", &[0, rays], 0),
+        estimating("ray 4294967295", &[u32::MAX], 0),
+        estimating("49 tasks", &[], -1),
+        estimating("51 tasks", &[7, 8], 1),
+        dealing("49 tasks to 2", 1, 0),
+        dealing("50 tasks to 1", 0, 1),
+        losing(f64::NAN),
+        losing(-0.5),
+    ]
+}
+
+/// Mutants: any of the checks left out; a device dropped for what the caller did.
+#[test]
+fn a_mistake_is_told_and_costs_nothing() {
+    let mut balancer = balancer(&cpus(2));
+    for mut wrong in mistakes() {
+        let room = |more: isize| fixture().hits.len().saturating_add_signed(more);
+        let mut hits = vec![Hit::MISS; room(wrong.more[0])];
+        let mut counts = vec![TestCounts::default(); room(wrong.more[1])];
+        let counts = Some(&mut counts[..]);
+        let answer = balancer.trace(&wrong.stream, &mut wrong.scheduling, &mut hits, counts, Control::default());
+        let Err(error) = answer else { panic!("{}: {answer:?}", wrong.names) };
+        assert!(error.to_string().contains(wrong.names), "no {:?} in {error}", wrong.names);
+        is_well(wrong.names, &mut balancer);
+    }
+}
+
+fn is_well(what: &str, balancer: &mut Balancer) {
+    let run = trace_well(what, balancer, &mut uniform(QueueKind::Static, patient()));
+    assert!(run.report.devices.iter().all(|device| device.error.is_none() && device.tasks > 0), "{what}");
+}
+
+/// Work that is no number is none, and is traced all the same.
+#[test]
+fn work_that_is_no_number_is_traced() {
+    let estimator = Box::new(Wrong { asks: vec![5, 5, 6], more_tasks: 0 });
+    let mut scheduling = Scheduling { estimator, ..uniform(QueueKind::Hybrid, patient()) };
+    trace_well("work that is no number", &mut balancer(&cpus(2)), &mut scheduling);
+}
+
+/// A device that refuses a stream is left out of it, and has its part in the next; where all refuse, the caller is told.
+///
+/// Mutants: a device is dropped that refuses rays; its refusal of a walk ends the stream.
+#[test]
+fn what_a_device_refuses_costs_it_nothing() {
+    let refusals = [DeviceErrorKind::InvalidArgument, DeviceErrorKind::Unsupported];
+    for (kind, call) in refusals.into_iter().flat_map(|kind| [(kind, FaultyCall::Load), (kind, FaultyCall::Walk)]) {
+        let what = format!("{kind:?} at {call:?}");
+        let fault = Fault::new(call, 0, Failure::Error(kind));
+        let (_bad, mut balancer) = beside_a_good_one(fault);
+        let run = trace_well(&what, &mut balancer, &mut sampling(QueueKind::Static, patient()));
+        let [bad, good] = &run.report.devices[..] else { panic!("two devices") };
+        assert!(bad.error.is_none() && good.error.is_none(), "{what}: {:?}", run.report.devices);
+        if call == FaultyCall::Load {
+            let note = bad.note.as_deref().unwrap_or_default();
+            assert!(bad.tasks == 0 && note.contains("refused this stream"), "{what}: {bad:?}");
+        }
+        is_well(&what, &mut balancer);
+
+        let all = [0, 1].map(|_| faulty(fault) as Arc<dyn Device>);
+        let mut balancer = crate::fixture::balancer(&all);
+        let answer = trace(&what, &mut balancer, &mut sampling(QueueKind::Static, patient()), Control::default());
+        assert!(matches!(answer, Err(BalanceError::Refused { .. })), "{what}: {answer:?}");
+        is_well(&what, &mut balancer);
+    }
+}

@@ -1,0 +1,118 @@
+//! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
+
+use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::{interrupt, progress};
+use anyhow::Result;
+use indicatif::ProgressBar;
+use rt_balance::devices::AUTO;
+use rt_lab::tradeoff::{Chosen, precision};
+use rt_lab::{Lab, Show, bench, figure1, tradeoff};
+use rt_scene::prepare::Prepared;
+
+/// How finely the bar is divided; it is 40 characters wide.
+const WHOLE: f64 = 10_000.0;
+
+/// A progress bar, and results on standard output.
+struct Terminal {
+    bar: ProgressBar,
+}
+
+impl Show for Terminal {
+    fn print(&self, text: &str) {
+        self.bar.suspend(|| println!("{text}"));
+    }
+
+    fn note(&self, text: &str) {
+        self.bar.suspend(|| eprintln!("note: {text}"));
+    }
+
+    fn progress(&self, label: &str, done: f64) {
+        if self.bar.message() != label {
+            self.bar.set_message(label.to_owned());
+        }
+        self.bar.set_position((WHOLE * done) as u64);
+    }
+
+    fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Runs an experiment on scenes that are prepared as the options say.
+fn measure(source: &SceneArgs, experiment: impl FnOnce(Lab<'_>) -> Result<()>) -> Result<()> {
+    interrupt::watch();
+    let show = Terminal { bar: progress::bar("", WHOLE as u64) };
+    let scenes = |scene: &str| -> Result<Prepared> { source.prepare(scene) };
+    experiment(Lab { scenes: &scenes, stop: interrupt::flag(), show: &show })
+}
+
+pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
+    let options = figure1::Options {
+        scenes: args.scenes.clone(),
+        estimator: args.estimate.chosen()?,
+        fraction: args.estimate.fraction,
+        devices: args.devices.clone(),
+        replay: args.replay,
+        task_sizes: args.task_sizes.clone(),
+        size: args.size,
+        repeat: args.repeat,
+        seed: args.seed,
+        quick: args.quick,
+        out: args.out.clone(),
+    };
+    measure(&args.source, |lab| figure1::run(lab, &options))
+}
+
+pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
+    let options = bench::Options {
+        scenes: args.scenes.clone(),
+        devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
+        cards: args.cards.options(),
+        rays: args.rays,
+        repeat: args.repeat,
+        quick: args.quick,
+        seed: args.seed,
+        json: args.json,
+        out: args.out.clone(),
+    };
+    measure(&args.source, |lab| bench::run(lab, &options))
+}
+
+pub(crate) fn tradeoff(args: &TradeoffArgs) -> Result<()> {
+    match &args.trade {
+        Some(TradeArg::Precision(own)) => trade_of_precisions(own),
+        None => trade(&args.common, None),
+        Some(TradeArg::Sampling(common)) => trade(common, Some(Chosen::Sampling)),
+        Some(TradeArg::Build(common)) => trade(common, Some(Chosen::Build)),
+        Some(TradeArg::Layout(common)) => trade(common, Some(Chosen::Layout)),
+    }
+}
+
+fn trade(args: &TradeArgs, chosen: Option<Chosen>) -> Result<()> {
+    let options = tradeoff::Options {
+        scenes: args.scenes.clone(),
+        devices: args.devices.clone(),
+        size: args.size,
+        repeat: args.repeat,
+        budget: args.budget,
+        seed: args.seed,
+        quick: args.quick,
+        out: args.out.clone(),
+    };
+    measure(&args.source, |lab| tradeoff::run(lab, &options, chosen))
+}
+
+fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
+    let options = precision::Options {
+        scenes: args.scenes.clone(),
+        devices: args.backend.clone(),
+        quick: args.quick,
+        runs: args.runs,
+        size: args.size,
+        sample: args.sample,
+        seed: args.seed,
+        out: args.out.clone(),
+    };
+    let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
+    measure(&source, |lab| tradeoff::run_precision(lab, &options))
+}

@@ -1,0 +1,63 @@
+//! What an experiment is handed by whoever runs it.
+
+use anyhow::{Context, Result, bail};
+use rt_balance::Control;
+use rt_balance::devices::Opener;
+use rt_core::Device;
+use rt_scene::prepare::Prepared;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Where an experiment shows what it does.
+pub trait Show {
+    /// Results, for standard output.
+    fn print(&self, text: &str);
+
+    /// What the user should know before the results are there.
+    fn note(&self, text: &str);
+
+    /// How far it is: what is measured, and the share that is done, from 0 to 1.
+    fn progress(&self, label: &str, done: f64);
+
+    /// There is no more progress to be shown; results follow.
+    fn finish(&self);
+}
+
+/// What an experiment needs from outside.
+#[derive(Clone, Copy)]
+pub struct Lab<'a> {
+    /// Loads or generates a scene and builds its tree.
+    pub scenes: &'a dyn Fn(&str) -> Result<Prepared>,
+    /// Set (from any thread) to stop soon.
+    pub stop: &'a AtomicBool,
+    /// Shows progress and results.
+    pub show: &'a dyn Show,
+}
+
+impl<'a> Lab<'a> {
+    /// What stops a stream.
+    pub(crate) const fn control(&self) -> Control<'a> {
+        Control { cancel: Some(self.stop), progress: None }
+    }
+
+    /// An error once the experiment is to stop.
+    pub(crate) fn go_on(&self) -> Result<()> {
+        if self.stop.load(Ordering::Relaxed) {
+            bail!("interrupted");
+        }
+        Ok(())
+    }
+}
+
+impl fmt::Debug for Lab<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Lab").field("stop", self.stop).finish_non_exhaustive()
+    }
+}
+
+/// Opens the devices of a list, to work at the same time.
+pub(crate) fn open(list: &str) -> Result<Vec<Arc<dyn Device>>> {
+    let opened = Opener::new().open(list).context("--devices")?;
+    Ok(opened.into_iter().map(|opened| opened.device).collect())
+}

@@ -1,0 +1,29 @@
+//! The experiments: what raybalance measures of itself and of the machine.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
+//! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
+//! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
+//!
+//! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
+//! here knows a command line or a terminal.
+#![forbid(unsafe_code)]
+
+pub mod bench;
+pub mod figure1;
+mod lab;
+mod stretch;
+mod subject;
+pub mod tradeoff;
+
+pub use lab::{Lab, Show};
+
+use rt_bvh::{Builder, PlocQuality};
+
+/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose trees are
+/// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
+pub const DEFAULT_BUILDER: Builder = Builder::Ploc(PlocQuality::Medium);
+
+/// What is measured where no scene is named.
+pub const DEFAULT_SCENES: [&str; 2] = ["yard", "car"];
