@@ -6,12 +6,10 @@
 //! module `frustum`); of the children that these let through, each is tested with sixteen rays at a time, and goes on the stack
 //! with the set of those that enter it. Where few are left they go on one by one (the module `single`).
 //!
-//! Rays with an origin in common make tight bounds. They skip the tests of sixteen, which would find little more.
-//!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
 use crate::frustum::Frustum;
-use crate::lanes::{Floats as _, Floats8 as _, Floats16, LANES, Level, Slots as _};
+use crate::lanes::{Floats8 as _, Floats16, LANES, Level, Slots as _};
 use crate::rays::{Frame, Group, Set};
 use crate::single;
 use crate::stack::Stack;

@@ -239,8 +239,8 @@ impl Group {
             (sheared[0].half(half).widen() / depth).store(self.factors[0].half_mut(half));
             (sheared[1].half(half).widen() / depth).store(self.factors[1].half_mut(half));
             (level.splat_wide(frame.scale) / depth).store(self.factors[2].half_mut(half));
-            for axis in 0..3 {
-                let exact = given[axis].half(half).widen() * level.splat_wide(frame.unscale);
+            for (axis, given) in given.iter().enumerate() {
+                let exact = given.half(half).widen() * level.splat_wide(frame.unscale);
                 exact.store(self.exact_origin[axis].half_mut(half));
             }
         }
@@ -250,13 +250,6 @@ impl Group {
         level.splat(0.0).store(&mut self.v);
         level.splat(NONE).store(&mut self.primitive);
         self.found = 0;
-    }
-
-    /// The octant of a lane.
-    #[inline(always)]
-    pub(crate) fn octant(&self, lane: usize) -> usize {
-        let down = |axis: usize| usize::from(self.down[axis] >> (lane % LANES) & 1);
-        down(0) | down(1) << 1 | down(2) << 2
     }
 
     /// The rays of an octant: bit k of its number says that they go down along axis k.

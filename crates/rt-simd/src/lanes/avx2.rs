@@ -87,14 +87,6 @@ impl Level for Avx2 {
     }
 
     #[inline(always)]
-    fn prefetch<T>(self, what: &T) {
-        let start = core::ptr::from_ref(what).cast::<i8>();
-        for line in 0..size_of::<T>().div_ceil(64) {
-            avx2!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
-        }
-    }
-
-    #[inline(always)]
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [F16; 8] {
         let (lower, upper) = rows.split_at(8);
         let ([a, b, c, d], [e, f, g, h]) = (transposed(quarters::<0>(lower)), transposed(quarters::<0>(upper)));

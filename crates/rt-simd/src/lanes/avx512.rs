@@ -86,14 +86,6 @@ impl Level for Avx512 {
     }
 
     #[inline(always)]
-    fn prefetch<T>(self, what: &T) {
-        let start = core::ptr::from_ref(what).cast::<i8>();
-        for line in 0..size_of::<T>().div_ceil(64) {
-            avx512!(_mm_prefetch::<_MM_HINT_T0>(start.wrapping_add(64 * line)));
-        }
-    }
-
-    #[inline(always)]
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [F16; 8] {
         let (a, b) = (quarters::<0>(rows), quarters::<4>(rows));
         let ([c0, c1, c2, c3], [c4, c5, c6, c7]) = (transposed(a), transposed(b));

@@ -83,9 +83,6 @@ pub(crate) trait Level: Copy {
     /// The first twelve of sixteen numbers, and zeros.
     fn load12(self, from: &[f32; LANES]) -> Self::F16;
 
-    /// Asks for memory that will be read soon.
-    fn prefetch<T>(self, what: &T);
-
     /// The columns of a table of sixteen rows.
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [Self::F16; 8];
 }

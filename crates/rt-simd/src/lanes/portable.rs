@@ -63,9 +63,6 @@ impl Level for Portable {
     }
 
     #[inline(always)]
-    fn prefetch<T>(self, _what: &T) {}
-
-    #[inline(always)]
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [F16; 8] {
         from_fn(|column| F16(from_fn(|row| rows[row][column])))
     }
