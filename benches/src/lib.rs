@@ -35,11 +35,11 @@ impl BenchScene {
         let model = match scene {
             "yard" => builtin::yard(),
             "car" => builtin::car(),
-            path => obj::load_obj(Path::new(path), &obj::LoadOptions::default(), &mut |_| {})?.model,
+            path => obj::load_obj(Path::new(path), &obj::LoadOptions::default(), &mut obj::unwatched)?.model,
         };
         let path = Path::new(scene);
         let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
-        let listed = view::listed(path);
+        let listed = view::listed(path, &model);
         let view = model.view.or(listed).unwrap_or_else(|| view::auto_view(&model));
         Ok(Self { name, model, view })
     }

@@ -1,7 +1,8 @@
 //! Embree and obvhs on the rays of a benchmark, on one thread: what our speed is compared with.
 
 use embree4_sys::{
-    Mesh, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCHit16, RTCRay, RTCRay16, RTCRayHit16, RTCSceneFlags,
+    Mesh, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCHit16, RTCRay, RTCRay16, RTCRayHit16, RTCRayQueryFlags,
+    RTCSceneFlags,
 };
 use rt_core::{Device, DeviceError, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
 use rt_scene::Model;

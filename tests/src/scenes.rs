@@ -1,8 +1,8 @@
 //! Real scenes: `.obj` files in the folder that the environment variable `RAYBALANCE_SCENES` names.
 
 use rt_core::Triangle;
-use rt_scene::obj::{LoadOptions, load_obj};
-use rt_scene::{Model, View, view};
+use rt_scene::obj::{LoadOptions, load_obj, unwatched};
+use rt_scene::{Model, view};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -21,8 +21,6 @@ pub struct RealScene {
     pub name: String,
     /// The file.
     pub path: PathBuf,
-    /// The view that `cameras.tsv`, a file of the same folder, gives for it.
-    pub view: Option<View>,
 }
 
 /// The scenes in the folder that [`VARIABLE`] names, by name.
@@ -41,7 +39,6 @@ pub fn find() -> Result<Vec<RealScene>, String> {
 /// When it cannot be read or has no `.obj` file.
 pub fn find_in(folder: &Path) -> Result<Vec<RealScene>, String> {
     let cannot = |e: std::io::Error| format!("{}: {e}", folder.display());
-    let cameras = fs::read_to_string(folder.join("cameras.tsv")).unwrap_or_default();
     let mut scenes = Vec::new();
     for entry in fs::read_dir(folder).map_err(cannot)? {
         let path = entry.map_err(cannot)?.path();
@@ -50,21 +47,21 @@ pub fn find_in(folder: &Path) -> Result<Vec<RealScene>, String> {
         else {
             continue;
         };
-        let (name, file) = (name.to_owned(), format!("{name}.obj"));
-        let view = cameras.lines().find_map(|row| view::from_row(row, &file));
-        scenes.push(RealScene { name, path, view });
+        scenes.push(RealScene { name: name.to_owned(), path });
     }
     scenes.sort_by(|a, b| a.name.cmp(&b.name));
     if scenes.is_empty() { Err(format!("{}: no .obj file in it", folder.display())) } else { Ok(scenes) }
 }
 
 impl RealScene {
-    /// Loads the file.
+    /// Loads the file, with the view that `cameras.tsv`, a file of the same folder, gives for it.
     ///
     /// # Errors
     /// The loader's message.
     pub fn load(&self) -> Result<Model, String> {
-        load_obj(&self.path, &LoadOptions::default(), &mut |_| {}).map(|loaded| loaded.model).map_err(|e| e.to_string())
+        let loaded = load_obj(&self.path, &LoadOptions::default(), &mut unwatched).map_err(|e| e.to_string())?;
+        let view = view::listed(&self.path, &loaded.model);
+        Ok(Model { view, ..loaded.model })
     }
 }
 

@@ -67,8 +67,7 @@ fn main() {
         add(
             &name,
             Box::new(move |embree| {
-                let mut model = scene.load()?;
-                model.view = scene.view;
+                let model = scene.load()?;
                 compare(embree, &ours, &scene.name, &model)
             }),
         );

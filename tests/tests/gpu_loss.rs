@@ -1,7 +1,7 @@
 //! What graphics cards do when they fail: each failure is truly provoked, is told by its kind, and costs no result. And
 //! that it is the card that traces: a poisoned kernel changes the hits, and every ray is traced once.
 //!
-//! A backend takes part with one function that opens its devices with a [`Trouble`]. `RT_REQUIRE=vulkan` makes a missing
+//! A backend takes part with one function that opens its devices with a [`FaultInjection`]. `RT_REQUIRE=vulkan` makes a missing
 //! one a failure.
 
 use backend_cpu::CpuDevice;
@@ -17,7 +17,7 @@ use rt_bvh::Builder;
 use rt_core::{
     Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, TestCounts, Walk,
 };
-use rt_gpu::Trouble;
+use rt_gpu::FaultInjection;
 use rt_sched::sample::Fraction;
 use rt_shaders::{FloatControls, Purpose};
 use rt_tests::conformance::clock;
@@ -41,7 +41,7 @@ const TRIES: usize = 100;
 #[derive(Clone, Copy, Default)]
 struct Opening {
     memory: Option<u64>,
-    trouble: Option<Trouble>,
+    fault: Option<FaultInjection>,
 }
 
 /// A device, and its own account of what it traced.
@@ -129,8 +129,8 @@ fn missing(backend: &str, reason: String) -> Result<Completion, Failed> {
 }
 
 fn vulkan(opening: Opening) -> Result<Vec<Opened>, String> {
-    let Opening { memory, trouble } = opening;
-    let options = Options { validation: true, memory, trouble, ..Options::default() };
+    let Opening { memory, fault } = opening;
+    let options = Options { validation: true, memory, fault, ..Options::default() };
     let found = match VulkanDevice::enumerate(options) {
         Err(OpenError::NoValidation) => VulkanDevice::enumerate(Options { validation: false, ..options }),
         found => found,
@@ -138,11 +138,11 @@ fn vulkan(opening: Opening) -> Result<Vec<Opened>, String> {
     all(found.map_err(|e| e.to_string())?.into_iter().flatten())
 }
 
-fn wgpu(Opening { memory, trouble }: Opening) -> Result<Vec<Opened>, String> {
+fn wgpu(Opening { memory, fault }: Opening) -> Result<Vec<Opened>, String> {
     if memory.is_some() {
         return Err("wgpu does not limit memory".to_owned());
     }
-    let found = WgpuDevice::enumerate(backend_wgpu::Options { trouble, ..Default::default() });
+    let found = WgpuDevice::enumerate(backend_wgpu::Options { fault, ..Default::default() });
     all(found.map_err(|e| e.to_string())?.into_iter().flatten())
 }
 
@@ -166,8 +166,8 @@ impl Backend {
         Ok((self.open)(opening)?.into_iter().nth(index).ok_or("the device is gone")?)
     }
 
-    fn with(self, index: usize, trouble: Trouble) -> Result<Opened, Failed> {
-        self.one(index, Opening { trouble: Some(trouble), ..Opening::default() })
+    fn with(self, index: usize, fault: FaultInjection) -> Result<Opened, Failed> {
+        self.one(index, Opening { fault: Some(fault), ..Opening::default() })
     }
 
     /// Every device but one, and a thread of the processor.
@@ -286,7 +286,7 @@ fn large_scene(backend: Backend, index: usize) -> Result<(), Failed> {
     const ROOM: u64 = 8 << 20;
     static LARGE: OnceLock<Result<Arc<Scene>, String>> = OnceLock::new();
     let scene = LARGE.get_or_init(|| tree::build(&shapes::grid(300, 0.1, 3), Builder::Sah)).as_ref()?;
-    let small = backend.one(index, Opening { memory: Some(ROOM), trouble: None })?.device;
+    let small = backend.one(index, Opening { memory: Some(ROOM), fault: None })?.device;
     let Err(error) = small.tracer(Arc::clone(scene), clock) else { return Err("it was taken".into()) };
     // Needed: at least what the triangles take; available: at most the room.
     let told = numbers(&error.to_string());
@@ -317,7 +317,7 @@ fn large_stream(backend: Backend, index: usize) -> Result<(), Failed> {
     // Room for the scene and the backend's own buffers, but not for the rays: 64 bytes each on every backend.
     let least = fixture().scene.bytes();
     let is_taken = |room: u64| {
-        let opened = backend.one(index, Opening { memory: Some(room), trouble: None });
+        let opened = backend.one(index, Opening { memory: Some(room), fault: None });
         opened.is_ok_and(|opened| opened.device.tracer(Arc::clone(&fixture().scene), clock).is_ok())
     };
     let (mut below, mut room) = (0, least);
@@ -328,14 +328,14 @@ fn large_stream(backend: Backend, index: usize) -> Result<(), Failed> {
         let middle = below.midpoint(room);
         if is_taken(middle) { room = middle } else { below = middle }
     }
-    let bad = backend.one(index, Opening { memory: Some(room), trouble: None })?.device;
+    let bad = backend.one(index, Opening { memory: Some(room), fault: None })?.device;
     let reason = survives(backend, index, bad, QueueKind::Static, LIMIT)?;
     expect(&reason, "bytes")?;
     if numbers(&reason).iter().all(|n| *n >= room) { Err(format!("no sizes in {reason:?}").into()) } else { Ok(()) }
 }
 
 fn no_compilation(backend: Backend, index: usize) -> Result<(), Failed> {
-    let bad = backend.with(index, Trouble::Kernel(Purpose::TooWide))?.device;
+    let bad = backend.with(index, FaultInjection::Kernel(Purpose::TooWide))?.device;
     expect(&survives(backend, index, Arc::clone(&bad), QueueKind::Static, LIMIT)?, "TooWide")?;
     let mut tracer = bad.tracer(Arc::clone(&fixture().scene), clock)?;
     tracer.load_rays(fixture().stream.source.clone(), StreamSpec::default())?;
@@ -348,7 +348,7 @@ fn no_compilation(backend: Backend, index: usize) -> Result<(), Failed> {
 /// Fails when the wait has no limit. When the tracer is dropped the kernel is still running: a backend that frees its
 /// buffers then crashes here.
 fn hang(backend: Backend, index: usize) -> Result<(), Failed> {
-    let bad = backend.with(index, Trouble::Kernel(Purpose::Slow))?.device;
+    let bad = backend.with(index, FaultInjection::Kernel(Purpose::Slow))?.device;
     let reason = survives_with(processor()?, backend, index, Arc::clone(&bad), QueueKind::Static, SHORT_LIMIT)?;
     expect(&reason, "within")?;
     // The device's next tracer waits for the kernel to end, and what that used is freed; or the device is lost.
@@ -370,7 +370,7 @@ fn hang(backend: Backend, index: usize) -> Result<(), Failed> {
 
 fn loss(backend: Backend, index: usize) -> Result<(), Failed> {
     for (queue, launch) in [(QueueKind::Static, 0), (QueueKind::Central, 3), (QueueKind::Hybrid, 1)] {
-        let bad = backend.with(index, Trouble::LostAtLaunch(launch))?.device;
+        let bad = backend.with(index, FaultInjection::LostAtLaunch(launch))?.device;
         expect(&survives(backend, index, Arc::clone(&bad), queue, LIMIT)?.to_lowercase(), "lost")?;
         match bad.tracer(Arc::clone(&fixture().scene), clock) {
             Err(e) if e.kind() == DeviceErrorKind::Lost => {}
@@ -397,7 +397,7 @@ fn killed(backend: Backend, index: usize) -> Result<(), Failed> {
 /// Fails when the backend answers from the processor: then hits do not depend on the kernel.
 fn poison(backend: Backend, index: usize) -> Result<(), Failed> {
     let Fixture { scene, stream, hits, .. } = fixture();
-    let bad = backend.with(index, Trouble::Kernel(Purpose::Poisoned))?;
+    let bad = backend.with(index, FaultInjection::Kernel(Purpose::Poisoned))?;
     let mut balancer = Balancer::new(Arc::clone(scene), &[bad.device])?;
     let mut found = vec![Hit::MISS; hits.len()];
     // The host would find it out.

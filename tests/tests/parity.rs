@@ -25,8 +25,7 @@ fn main() {
     match scenes::find() {
         Ok(scenes) => trials.extend(scenes.into_iter().map(|scene| {
             Trial::test(scene.name.clone(), move || {
-                let mut model = scene.load()?;
-                model.view = scene.view;
+                let model = scene.load()?;
                 examine(&scene.name, &model, RAYS)
             })
         })),

@@ -6,13 +6,14 @@
 #![forbid(unsafe_code)]
 
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
+use rt_balance::clock;
 use rt_balance::stats::{median, ratios};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Launch, RaySource, StreamSpec, Tracer, tasks_of};
 use rt_scene::streams::Wave;
 use std::error::Error;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// The longest a launch may take.
@@ -52,11 +53,6 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn open(index: usize, tuning: Tuning) -> Result<VulkanDevice, Box<dyn Error>> {
     let found = VulkanDevice::enumerate(Open::from_env())?;
     Ok(found.into_iter().nth(index).ok_or("there is no such device")??.tuned(tuning))
-}
-
-fn clock() -> Duration {
-    static START: OnceLock<Instant> = OnceLock::new();
-    START.get_or_init(Instant::now).elapsed()
 }
 
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {

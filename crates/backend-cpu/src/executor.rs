@@ -21,6 +21,7 @@ impl Executor {
                 .num_threads(threads)
                 .thread_name(move |i| format!("rt-cpu{device}-{i}"))
                 .start_handler(move |i| {
+                    rt_fenv::settle_thread();
                     if let Some(core) = pinned.get(i) {
                         core_affinity::set_for_current(*core);
                     }

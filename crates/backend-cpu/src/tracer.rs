@@ -184,6 +184,7 @@ struct Piece<'a> {
 
 impl Worker {
     fn run(self, inbox: &Receiver<Job>) {
+        rt_fenv::settle_thread();
         self.executor.adopt_current_thread();
         // Ends when the tracer is dropped. A reply nobody waits for any more is not an error.
         for job in inbox {

@@ -178,7 +178,9 @@ impl Board for VulkanBoard {
             let index = gpu.free_slot(shared)?;
             let Gpu { timeline, resident, rays, slots, busy, .. } = gpu;
             let rays = rays.get(window as usize).ok_or_else(unreserved)?;
-            shared.logical.count_launch();
+            if shared.faults.lose_launch() {
+                shared.logical.lose();
+            }
             let value = slots[index].start(
                 resident,
                 rays,

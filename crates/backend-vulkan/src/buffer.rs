@@ -57,9 +57,9 @@ pub(crate) struct Buffer {
     claim: Option<Claim>,
 }
 
-// SAFETY: `mapped` points to memory that this buffer alone owns, reached through `&self` only for reading.
+// SAFETY: `mapped` points to memory that this buffer alone owns, whichever thread that is on.
 unsafe impl Send for Buffer {}
-// SAFETY: likewise.
+// SAFETY: through `&self` the memory at `mapped` is only read; writing takes `&mut self`.
 unsafe impl Sync for Buffer {}
 
 impl fmt::Debug for Buffer {
@@ -126,7 +126,7 @@ impl Buffer {
     /// When they do not fit, or the buffer is no upload buffer.
     pub(crate) fn write<T: NoUninit>(&mut self, skip: usize, values: &[T]) {
         let bytes: &[u8] = bytemuck::cast_slice(values);
-        let end = skip + bytes.len();
+        let end = skip.saturating_add(bytes.len());
         assert!(end as u64 <= self.size, "{end} bytes into a buffer of {}", self.size);
         let mapped = self.mapped.expect("upload buffers are mapped");
         // SAFETY: within the mapped memory, checked above.
@@ -141,7 +141,7 @@ impl Buffer {
     /// # Panics
     /// When there are fewer, or the buffer is no download buffer.
     pub(crate) fn read<T: AnyBitPattern>(&self, count: usize) -> &[T] {
-        let bytes = count * size_of::<T>();
+        let bytes = count.saturating_mul(size_of::<T>());
         assert!(bytes as u64 <= self.size, "{bytes} bytes of a buffer of {}", self.size);
         let mapped = self.mapped.expect("download buffers are mapped");
         assert!(mapped.cast::<T>().is_aligned(), "memory is mapped at multiples of 64 bytes");
@@ -156,7 +156,7 @@ impl Drop for Buffer {
         let device = self.logical.raw();
         // SAFETY: callers wait for launches that use it, so the device does not; it is not used after.
         unsafe { device.destroy_buffer(self.raw, None) };
-        // SAFETY: likewise; unmaps it as well.
+        // SAFETY: the buffer bound to it is gone, and `mapped`, which this unmaps, is not used after.
         unsafe { device.free_memory(self.memory, None) };
     }
 }

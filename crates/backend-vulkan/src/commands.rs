@@ -97,7 +97,7 @@ impl Drop for Commands {
         let device = self.logical.raw();
         // SAFETY: callers wait for their launches; not used after.
         unsafe { device.destroy_query_pool(self.queries, None) };
-        // SAFETY: likewise; frees the command buffer as well.
+        // SAFETY: no launch is under way (above), so the command buffer, which goes with its pool, is not in use.
         unsafe { device.destroy_command_pool(self.pool, None) };
     }
 }

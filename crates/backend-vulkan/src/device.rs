@@ -1,8 +1,6 @@
 //! Finding and opening devices.
 
 use crate::board::{Abandoned, VulkanBoard};
-use crate::buffer::{Buffer, Use};
-use crate::commands::{Commands, Recorder};
 use crate::error::OpenError;
 use crate::instance::{Description, Instance};
 use crate::logical::Logical;
@@ -10,7 +8,7 @@ use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trials, Trouble, Tuning, bounce, fault_of_llvmpipe};
+use rt_gpu::{Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,8 +26,10 @@ pub struct Options {
     /// Whatever does not fit is refused with [`rt_core::DeviceErrorKind::OutOfMemory`], as on a card that is too small.
     pub memory: Option<u64>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
-    pub trouble: Option<Trouble>,
+    #[cfg(feature = "test-support")]
+    pub fault: Option<rt_gpu::FaultInjection>,
     /// SPIR-V in place of kernels' own, for tests that want kernels to fail.
+    #[cfg(feature = "test-support")]
     pub kernels: Option<Replacement>,
 }
 
@@ -40,12 +40,21 @@ impl Options {
         let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
         Self { validation, ..Self::default() }
     }
+
+    fn faults(&self) -> Faults {
+        #[cfg(feature = "test-support")]
+        return Faults::of(self.fault);
+        #[cfg(not(feature = "test-support"))]
+        return Faults::default();
+    }
 }
 
 /// SPIR-V that runs in place of kernels' own. Drivers trust it, so to make one is unsafe.
+#[cfg(feature = "test-support")]
 #[derive(Clone, Copy, Debug)]
 pub struct Replacement(fn(&'static Kernel) -> Vec<u32>);
 
+#[cfg(feature = "test-support")]
 impl Replacement {
     /// What runs in place of each kernel.
     ///
@@ -63,7 +72,7 @@ impl Replacement {
 #[derive(Debug)]
 pub struct VulkanDevice {
     profile: Profile,
-    shared: Arc<Shared>,
+    pub(crate) shared: Arc<Shared>,
 }
 
 /// What a device's tracers have in common.
@@ -71,7 +80,8 @@ pub struct VulkanDevice {
 pub(crate) struct Shared {
     pipelines: Mutex<HashMap<(Layout, Purpose, u32), Arc<Pipeline>>>,
     layout: Arc<pipeline::Layout>,
-    trouble: Option<Trouble>,
+    pub faults: Faults,
+    #[cfg(feature = "test-support")]
     kernels: Option<Replacement>,
     /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
     trials: Trials,
@@ -135,7 +145,8 @@ impl VulkanDevice {
         let shared = Shared {
             pipelines: Mutex::default(),
             layout: Arc::new(layout),
-            trouble: options.trouble,
+            faults: options.faults(),
+            #[cfg(feature = "test-support")]
             kernels: options.kernels,
             trials: Trials::default(),
             abandoned: Abandoned::default(),
@@ -161,40 +172,6 @@ impl VulkanDevice {
     pub fn float_controls(&self) -> FloatControls {
         self.shared.logical.limits.float_controls
     }
-
-    /// Records a wrong call, which is never run: an error where the validation layer is at work, so that tests can tell
-    /// that it is.
-    ///
-    /// # Errors
-    /// What the layer said. Devices that were enumerated together share its messages.
-    pub fn provoke_validation(&self) -> Result<(), DeviceError> {
-        // The wrong way round: neither buffer was made for it.
-        self.provoke([Use::Download, Use::Upload], |record, from, to| record.copy(from, to, 0, 4))
-    }
-
-    /// Records two copies to one place, the second of which does not wait for the first, and never runs them: an error
-    /// where the validation layer looks at synchronisation too.
-    ///
-    /// # Errors
-    /// As for [`VulkanDevice::provoke_validation`].
-    pub fn provoke_race(&self) -> Result<(), DeviceError> {
-        self.provoke([Use::Kernel, Use::Kernel], |record, from, to| {
-            record.copy(from, to, 0, 4);
-            record.copy(from, to, 0, 4);
-        })
-    }
-
-    fn provoke(
-        &self,
-        purposes: [Use; 2],
-        steps: impl FnOnce(&Recorder<'_>, &Buffer, &Buffer),
-    ) -> Result<(), DeviceError> {
-        let logical = &self.shared.logical;
-        let [from, to] = purposes.map(|purpose| Buffer::new(logical, "a word", 4, purpose));
-        let (from, to) = (from?, to?);
-        Commands::new(logical)?.record(|record| steps(record, &from, &to))?;
-        logical.check_validation()
-    }
 }
 
 impl Device for VulkanDevice {
@@ -216,7 +193,8 @@ impl GpuDevice for VulkanDevice {
         self.shared.makes(Purpose::Camera)
     }
 
-    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+    #[cfg(feature = "test-support")]
+    fn fault_of_bounces(&self, trials: &[rt_gpu::bounce::Trial]) -> Result<Option<String>, DeviceError> {
         probe::check_bounces(&self.shared, trials)
     }
 }
@@ -229,17 +207,23 @@ impl Shared {
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = Trouble::kernel(self.trouble, layout, purpose, depth)?;
+        let kernel = self.faults.kernel(layout, purpose, depth)?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let own = || kernel.spirv_with(self.logical.limits.float_controls);
-        let code = self.kernels.map_or_else(own, |Replacement(words)| words(kernel));
-        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &code)?);
+        let pipeline = Arc::new(Pipeline::new(&self.layout, kernel, &self.words(kernel))?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    fn words(&self, kernel: &'static Kernel) -> Vec<u32> {
+        #[cfg(feature = "test-support")]
+        if let Some(Replacement(words)) = self.kernels {
+            return words(kernel);
+        }
+        kernel.spirv_with(self.logical.limits.float_controls)
     }
 
     pub(crate) const fn layout(&self) -> &Arc<pipeline::Layout> {

@@ -125,7 +125,7 @@ impl Instance {
         let properties = properties.properties;
         let mut timeline = vk::PhysicalDeviceTimelineSemaphoreFeatures::default();
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut timeline);
-        // SAFETY: likewise.
+        // SAFETY: `physical` is of this instance, and the structures are those that the call fills.
         unsafe { self.raw.get_physical_device_features2(physical, &mut features) };
         let text = |text: Option<&CStr>| text.map_or_else(String::new, |t| t.to_string_lossy().into_owned());
         Description {
@@ -223,6 +223,9 @@ impl Validation {
 }
 
 /// Keeps a message. Called by the layer on whatever thread made the call that it speaks of.
+///
+/// # Safety
+/// `data` is null or valid during the call, `user` null or the messenger's own `Messages`.
 unsafe extern "system" fn receive(
     _severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _kind: vk::DebugUtilsMessageTypeFlagsEXT,

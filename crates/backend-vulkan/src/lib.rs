@@ -33,10 +33,16 @@ mod logical;
 mod memory;
 mod pipeline;
 mod probe;
+#[cfg(feature = "test-support")]
+mod provoke;
 mod timeline;
 mod upload;
 
-pub use device::{Options, Replacement, VulkanDevice};
+#[cfg(feature = "test-support")]
+pub use device::Replacement;
+pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Trouble, Tuning};
+#[cfg(feature = "test-support")]
+pub use rt_gpu::FaultInjection;
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

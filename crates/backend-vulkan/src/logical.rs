@@ -6,10 +6,9 @@ use crate::instance::{Abilities, Instance};
 use crate::memory::Memory;
 use ash::vk;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::Trouble;
 use rt_shaders::FloatControls;
 use std::fmt;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// What the driver says of a device, as far as we ask.
@@ -41,9 +40,6 @@ pub(crate) struct Logical {
     pub limits: Limits,
     /// Whether the driver gave the device up, or a test did.
     lost: AtomicBool,
-    /// Launches so far, and the one at which a test gives the device up.
-    launches: AtomicU32,
-    lost_at: Option<u32>,
 }
 
 impl fmt::Debug for Logical {
@@ -66,7 +62,7 @@ impl Logical {
         let functions = instance.raw();
         // SAFETY: `physical` is of this instance.
         let limits = unsafe { functions.get_physical_device_properties(physical) }.limits;
-        // SAFETY: likewise.
+        // SAFETY: `physical` is of this instance.
         let families = unsafe { functions.get_physical_device_queue_family_properties(physical) };
         let family = families.iter().position(|family| family.queue_flags.contains(vk::QueueFlags::COMPUTE));
         let family = family.ok_or_else(|| OpenError::Refused {
@@ -100,11 +96,6 @@ impl Logical {
             family,
             limits,
             lost: AtomicBool::default(),
-            launches: AtomicU32::default(),
-            lost_at: match options.trouble {
-                Some(Trouble::LostAtLaunch(launch)) => Some(launch),
-                _ => None,
-            },
         })
     }
 
@@ -130,7 +121,7 @@ impl Logical {
     /// The error for a call that failed; remembers when the device is lost.
     pub(crate) fn failed(&self, task: &'static str, source: vk::Result) -> DeviceError {
         if source == vk::Result::ERROR_DEVICE_LOST {
-            self.lost.store(true, Ordering::Relaxed);
+            self.lose();
         }
         failed(task)(source)
     }
@@ -141,11 +132,9 @@ impl Logical {
         if lost { Err(failed(task)(vk::Result::ERROR_DEVICE_LOST)) } else { Ok(()) }
     }
 
-    /// To be called before each launch: the one that a test has chosen finds the device lost.
-    pub(crate) fn count_launch(&self) {
-        if self.lost_at == Some(self.launches.fetch_add(1, Ordering::Relaxed)) {
-            self.lost.store(true, Ordering::Relaxed);
-        }
+    /// From now on the device counts as lost.
+    pub(crate) fn lose(&self) {
+        self.lost.store(true, Ordering::Relaxed);
     }
 
     /// An error if the validation layer had something to say.

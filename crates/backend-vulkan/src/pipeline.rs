@@ -44,7 +44,7 @@ impl Layout {
         let mut layout = Self { logical: Arc::clone(logical), set, pipeline: vk::PipelineLayout::null() };
         let sets = [set];
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
-        // SAFETY: likewise.
+        // SAFETY: the device is alive, `set` is of it, and `info` is complete.
         layout.pipeline = unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed("lay out kernels"))?;
         Ok(layout)
     }
@@ -54,7 +54,7 @@ impl Drop for Layout {
     fn drop(&mut self) {
         // SAFETY: pipelines and sets made from it hold it and are gone.
         unsafe { self.logical.raw().destroy_pipeline_layout(self.pipeline, None) };
-        // SAFETY: likewise.
+        // SAFETY: the sets of this layout and the pipeline layout made from it are gone.
         unsafe { self.logical.raw().destroy_descriptor_set_layout(self.set, None) };
     }
 }

@@ -6,10 +6,10 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, GpuDevice, Layouts, Profile, Trials, Trouble, Tuning, bounce, fault_of_llvmpipe};
+use rt_gpu::{Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
+use std::borrow::Cow;
 use std::collections::HashMap;
-use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
@@ -23,9 +23,11 @@ pub struct Options {
     /// one alone does all, and [`Tracer::note`] says so, unless tests are to be counted over the wide one.
     pub layouts: Option<Layouts>,
     /// WGSL in place of a kernel's own, for tests that want kernels to fail. Not with `trusted`.
+    #[cfg(feature = "test-support")]
     pub kernels: Option<fn(&'static Kernel) -> String>,
     /// What goes wrong on purpose, for tests of this crate and of programs that use it.
-    pub trouble: Option<Trouble>,
+    #[cfg(feature = "test-support")]
+    pub fault: Option<rt_gpu::FaultInjection>,
 }
 
 impl Options {
@@ -34,6 +36,13 @@ impl Options {
     pub fn from_env() -> Self {
         let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
         Self { trusted, ..Self::default() }
+    }
+
+    fn faults(&self) -> Faults {
+        #[cfg(feature = "test-support")]
+        return Faults::of(self.fault);
+        #[cfg(not(feature = "test-support"))]
+        return Faults::default();
     }
 }
 
@@ -51,8 +60,7 @@ pub(crate) struct Shared {
     options: Options,
     /// Whether it makes the host's camera rays, and those that leave surfaces; asked when the first are wanted.
     trials: Trials,
-    /// Launches so far, walks too.
-    launches: AtomicU32,
+    faults: Faults,
     pub opened: Arc<Opened>,
 }
 
@@ -106,7 +114,7 @@ impl WgpuDevice {
             pipelines: Mutex::default(),
             options,
             trials: Trials::default(),
-            launches: AtomicU32::default(),
+            faults: options.faults(),
             opened: Arc::new(opened),
         };
         match probe::check_arithmetic(&shared) {
@@ -125,6 +133,7 @@ impl WgpuDevice {
     }
 
     /// Closes the device under the feet of its tracers: for tests of what they do when a device is lost.
+    #[cfg(feature = "test-support")]
     pub fn provoke_loss(&self) {
         self.shared.opened.device.destroy();
     }
@@ -149,7 +158,8 @@ impl GpuDevice for WgpuDevice {
         self.shared.makes(Purpose::Camera)
     }
 
-    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
+    #[cfg(feature = "test-support")]
+    fn fault_of_bounces(&self, trials: &[rt_gpu::bounce::Trial]) -> Result<Option<String>, DeviceError> {
         probe::check_bounces(&self.shared, trials)
     }
 }
@@ -162,8 +172,7 @@ impl Shared {
 
     /// To be called before each launch: at the one that a test has chosen the device is closed under its feet.
     pub(crate) fn count_launch(&self) {
-        let launch = self.launches.fetch_add(1, Ordering::Relaxed);
-        if self.options.trouble == Some(Trouble::LostAtLaunch(launch)) {
+        if self.faults.lose_launch() {
             self.opened.device.destroy();
             // wgpu says so too, but after it has objected to the next call.
             let _ = self.opened.lose("a test closed it");
@@ -172,17 +181,24 @@ impl Shared {
 
     /// The kernel for a layout, a purpose and a tree's depth; compiled once.
     pub(crate) fn pipeline(&self, layout: Layout, purpose: Purpose, depth: u32) -> Result<Arc<Pipeline>, DeviceError> {
-        let kernel = Trouble::kernel(self.options.trouble, layout, purpose, depth)?;
+        let kernel = self.faults.kernel(layout, purpose, depth)?;
         let mut pipelines = self.pipelines.lock().unwrap_or_else(PoisonError::into_inner);
         let key = (kernel.layout, kernel.purpose, kernel.stack);
         if let Some(pipeline) = pipelines.get(&key) {
             return Ok(Arc::clone(pipeline));
         }
-        let Options { trusted, kernels, .. } = self.options;
-        let replaced = kernels.map(|replace| replace(kernel));
-        let source = replaced.as_deref().unwrap_or(kernel.wgsl);
-        let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, source, trusted && kernels.is_none())?);
+        let (source, trusted) = self.source(kernel);
+        let pipeline = Arc::new(Pipeline::new(&self.opened, kernel, &source, trusted)?);
         pipelines.insert(key, Arc::clone(&pipeline));
         Ok(pipeline)
+    }
+
+    /// A kernel's WGSL, and whether wgpu is to trust it.
+    fn source(&self, kernel: &'static Kernel) -> (Cow<'static, str>, bool) {
+        #[cfg(feature = "test-support")]
+        if let Some(replace) = self.options.kernels {
+            return (replace(kernel).into(), false);
+        }
+        (kernel.wgsl.into(), self.options.trusted)
     }
 }

@@ -31,4 +31,6 @@ mod trusted;
 
 pub use device::{Options, WgpuDevice};
 pub use error::OpenError;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Trouble, Tuning};
+#[cfg(feature = "test-support")]
+pub use rt_gpu::FaultInjection;
+pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};

@@ -39,7 +39,7 @@ macro_rules! functions {
             #[inline]
             pub unsafe fn $name($($argument: $type),*) -> $result {
                 match library::functions() {
-                    // SAFETY: the caller keeps Embree's rules.
+                    // SAFETY: the caller keeps what Embree's manual asks; the signature is that of its headers.
                     Ok(functions) => unsafe { (functions.$name)($($argument),*) },
                     Err(_) => $missing,
                 }

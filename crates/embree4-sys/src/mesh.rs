@@ -161,7 +161,8 @@ impl Mesh {
     pub fn closest_16(&self, rays: &mut RTCRayHit16, flags: RTCRayQueryFlags) {
         let valid = Valid16([-1; 16]);
         let mut arguments = RTCIntersectArguments { flags, ..RTCIntersectArguments::default() };
-        // SAFETY: as above; mask and rays have the alignment that packets need, and the arguments outlive the query.
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need; the
+        // arguments outlive the query.
         unsafe { rtcIntersect16(valid.0.as_ptr(), self.scene.0, from_mut(rays), &raw mut arguments) }
     }
 
@@ -170,7 +171,8 @@ impl Mesh {
     pub fn occluded_16(&self, rays: &mut RTCRay16, flags: RTCRayQueryFlags) {
         let valid = Valid16([-1; 16]);
         let mut arguments = RTCOccludedArguments { flags, ..RTCOccludedArguments::default() };
-        // SAFETY: as above.
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need; the
+        // arguments outlive the query.
         unsafe { rtcOccluded16(valid.0.as_ptr(), self.scene.0, from_mut(rays), &raw mut arguments) }
     }
 

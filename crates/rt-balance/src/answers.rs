@@ -4,7 +4,7 @@
 //! copying it: another number of hits than rays, a primitive that the scene does not have or that the ray starts on, a
 //! distance that is no number or outside the ray. One such hit, and the device is not believed any more. *What is not true* is
 //! looked for in a sample, which the host traces again ([`Audit`]): a single hit that is refused may be a rounding that the
-//! host sees otherwise, so it is replaced by the host's and counted; a device of which more than [`MOST_REFUSED`] is refused
+//! host sees otherwise, so it is replaced by the host's and counted; a device of which more than [`MOST_REFUSED`](rt_core::arguments::MOST_REFUSED) is refused
 //! is not believed.
 //!
 //! A device that is not believed drops out, and all that it brought in the stream is done again by others.
@@ -12,18 +12,12 @@
 //! This cannot see: single wrong hits that no sample met; wrong counts, which cost balance but no hit.
 
 use rt_bvh::Stack;
+use rt_core::arguments::is_disbelieved;
 use rt_core::{
     DeviceError, DeviceErrorKind, Hit, Launch, Query, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
     random,
 };
 use std::sync::Arc;
-
-/// The share of the rays of a launch, beyond a single one, that the host may refuse before the device is not believed.
-///
-/// What roundings alone can differ in is far less: Embree, which decides edges otherwise, differs from us in less than one
-/// in a thousand of rays that are aimed at edges. Launches of another stream, or of a device whose kernels do nothing, are wrong in
-/// every second ray.
-pub(crate) const MOST_REFUSED: f64 = 1.0 / 32.0;
 
 /// Rays of a launch that are traced again where one of the sample was refused: enough to tell a share of a thirty-second
 /// from a single ray.
@@ -128,6 +122,8 @@ impl Asked {
         done: Option<&RayMask>,
         launch: &mut Launch,
     ) -> Result<Checked, DeviceError> {
+        // The backend may have left another one behind.
+        let _environment = rt_fenv::Environment::enter();
         let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
         let Launch { hits, counts, task_seconds, span } = launch;
         if hits.len() != rays || (self.spec.counts && counts.len() != rays) {
@@ -168,6 +164,7 @@ impl Asked {
         hits: &mut [Hit],
         counts: &mut [TestCounts],
     ) -> Result<Checked, DeviceError> {
+        let _environment = rt_fenv::Environment::enter();
         self.possible(rays.iter().copied().zip(hits.iter()))?;
         self.audit(rays.len(), |place| rays.get(place).copied(), hits, counts)
     }
@@ -226,7 +223,7 @@ impl Asked {
         self.retrace((0..places).step_by(places.div_ceil(CLOSER_LOOK)), &ray, hits, counts, &mut closer);
         // What was found first is right by now.
         closer.add(checked);
-        if closer.refused as f64 > 1.0 + MOST_REFUSED * closer.audited as f64 {
+        if is_disbelieved(closer.audited, closer.refused) {
             let Checked { audited, refused } = closer;
             return Err(untrue(format!("of {audited} of its answers that the host traced again {refused} are wrong")));
         }

@@ -27,6 +27,9 @@ use std::time::Duration;
 /// [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long as the
 /// balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
 ///
+/// The calling thread's floating-point environment (rounding, subnormal numbers) changes no bit of a hit; the caller's own
+/// code that is called meanwhile finds the default one.
+///
 /// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own, on
 /// other devices or the same, or waits behind the caller's own lock.
 #[derive(Debug)]
@@ -143,6 +146,7 @@ impl Balancer {
         }
         stream.check()?;
         scheduling.check()?;
+        let _environment = rt_fenv::Environment::enter();
         let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
         let limits = scheduling.limits;
         // Nothing of this is left half done by a panic but what devices are at.

@@ -34,6 +34,8 @@ pub enum Make {
     Plain(fn() -> Box<dyn CostEstimator>),
     /// It takes the share of the rays that it samples; the second is the usual one.
     Sampling(fn(Fraction) -> Box<dyn CostEstimator>, Fraction),
+    /// It takes the share of the rays that it samples at first, and goes on by itself; the second is the usual one.
+    Beginning(fn(Fraction) -> Box<dyn CostEstimator>, Fraction),
     /// It takes the share of the trace, from 0 to 1, that it may spend; the second is the usual one.
     Spending(fn(f64) -> Box<dyn CostEstimator>, f64),
 }
@@ -54,7 +56,7 @@ pub const ESTIMATORS: &[Entry<Make>] = &[
     entry(
         "adaptive",
         "As exact, with as many samples as they are worth, where they are worth most",
-        Make::Sampling(|fraction| Box::new(Adaptive::new(fraction)), Fraction::TWO_HUNDRED_FIFTY_SIXTH),
+        Make::Beginning(|fraction| Box::new(Adaptive::new(fraction)), Fraction::TWO_HUNDRED_FIFTY_SIXTH),
     ),
     entry(
         "field",
@@ -64,7 +66,7 @@ pub const ESTIMATORS: &[Entry<Make>] = &[
     entry(
         "history",
         "Measured times of the previous pass or frame",
-        Make::Sampling(
+        Make::Beginning(
             |fraction| Box::new(History::new(Box::new(Sampled::new(Walk::Full, fraction)))),
             Fraction::SIXTY_FOURTH,
         ),
@@ -123,7 +125,9 @@ impl Entry<Make> {
     pub fn usual(&'static self) -> Estimator {
         let make = match self.make {
             Make::Plain(make) => return Estimator::custom(self.name, make),
-            Make::Sampling(make, fraction) => Arc::new(move || make(fraction)) as Maker,
+            Make::Sampling(make, fraction) | Make::Beginning(make, fraction) => {
+                Arc::new(move || make(fraction)) as Maker
+            }
             Make::Spending(make, budget) => Arc::new(move || make(budget)) as Maker,
         };
         Estimator { label: self.name.to_owned(), make }
@@ -132,7 +136,7 @@ impl Entry<Make> {
     /// The estimator that samples this share of the rays; `None` if it takes none.
     #[must_use]
     pub fn sampling(&'static self, fraction: Fraction) -> Option<Estimator> {
-        let Make::Sampling(make, _) = self.make else { return None };
+        let (Make::Sampling(make, _) | Make::Beginning(make, _)) = self.make else { return None };
         Some(Estimator { label: labelled(self.name, fraction.value()), make: Arc::new(move || make(fraction)) })
     }
 
@@ -148,7 +152,7 @@ impl Entry<Make> {
     pub fn with(&'static self, share: f64) -> Option<Estimator> {
         match self.make {
             Make::Plain(_) => None,
-            Make::Sampling(..) => self.sampling(Fraction::new(share)?),
+            Make::Sampling(..) | Make::Beginning(..) => self.sampling(Fraction::new(share)?),
             Make::Spending(..) => (0.0..=1.0).contains(&share).then(|| self.spending(share)).flatten(),
         }
     }

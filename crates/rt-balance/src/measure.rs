@@ -159,7 +159,7 @@ fn device_report(
         rays: own().map(|launch| u64::from(launch.rays)).sum(),
         model: None,
         audited: member.checked.audited,
-        refused: member.checked.refused,
+        refused: member.checked.refused + traffic.map_or(0, |traffic| traffic.refused),
         note: member.note(),
         error: member.failure().map(str::to_owned),
     }

@@ -107,7 +107,8 @@ pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, 
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
 }
 
-/// Mean over least speed that is assumed of devices of which nothing is known: a processor's core beside graphics cards.
+/// By what devices of which nothing is known are assumed to lose more than equal ones: a processor's core beside graphics
+/// cards, where the mean speed is some eight times the slowest ([`blind::unequal`]).
 const UNKNOWN: f64 = 16.0;
 
 /// What a stream is expected to lose without an estimate, as a share of its makespan: all of it in static queues, where the

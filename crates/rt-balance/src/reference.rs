@@ -45,6 +45,7 @@ impl Balancer {
         control: Control<'_>,
     ) -> Result<Reference, BalanceError> {
         stream.check()?;
+        let _environment = rt_fenv::Environment::enter();
         let begin = clock::now();
         let untouched = |error: BalanceError| error.with_unfinished(stream.tasks.len());
         self.members().iter_mut().for_each(Member::begin);

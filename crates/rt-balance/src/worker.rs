@@ -150,6 +150,7 @@ impl Worker {
         thread::Builder::new().name(format!("rt-device-{member}")).spawn(move || {
             // Moved in, so that it is dropped last.
             let _here: Sender<()> = here;
+            rt_fenv::settle_thread();
             let mut crew = Crew::new(scene);
             if crew.open(device, named, opened) {
                 crew.serve(&inbox);

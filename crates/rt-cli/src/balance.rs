@@ -22,7 +22,7 @@ impl EstimateArgs {
                 bail!("--fraction has no meaning for the estimator {}: give --budget, or --estimator exact", entry.name)
             }
             Make::Spending(..) => entry.spending(self.budget),
-            Make::Sampling(..) => given.and_then(|fraction| entry.sampling(fraction)),
+            Make::Sampling(..) | Make::Beginning(..) => given.and_then(|fraction| entry.sampling(fraction)),
         };
         Ok(chosen.unwrap_or_else(|| entry.usual()))
     }

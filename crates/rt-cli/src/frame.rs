@@ -1,10 +1,10 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded into a film.
 
-use crate::progress;
+use crate::film::Film;
 use crate::shade::Light;
+use crate::{memory, progress};
 use anyhow::Result;
 use glam::Vec3;
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::Surfaces;
@@ -74,42 +74,6 @@ pub(crate) struct Part<'a> {
     pub(crate) wave: &'a Wave,
 }
 
-/// Sums of radiance over the samples of each pixel, row by row.
-#[derive(Clone, Debug)]
-pub(crate) struct Film {
-    width: u32,
-    samples: u32,
-    sums: Vec<Vec3>,
-}
-
-impl Film {
-    pub(crate) fn new([width, height]: [u32; 2], samples: u32) -> Self {
-        Self { width, samples, sums: vec![Vec3::ZERO; width as usize * height as usize] }
-    }
-
-    /// Adds what `shade` returns for `0..count`, in that order: a pixel (`x | y << 16`) and its radiance.
-    ///
-    /// Shading runs on all cores, adding does not, so that sums are the same bits on every machine.
-    fn add_all(&mut self, count: usize, shade: impl Fn(usize) -> Option<(u32, Vec3)> + Sync) {
-        for first in (0..count).step_by(SHADE_BATCH) {
-            let batch = first..count.min(first + SHADE_BATCH);
-            let shaded: Vec<Option<(u32, Vec3)>> = batch.into_par_iter().with_min_len(1024).map(&shade).collect();
-            for (pixel, radiance) in shaded.into_iter().flatten() {
-                self.sums[((pixel >> 16) * self.width + (pixel & 0xffff)) as usize] += radiance;
-            }
-        }
-    }
-
-    /// Mean radiance of each pixel.
-    pub(crate) fn radiance(&self) -> Vec<Vec3> {
-        let scale = 1.0 / self.samples as f32;
-        self.sums.iter().map(|&sum| sum * scale).collect()
-    }
-}
-
-/// Rays shaded at once: enough to occupy every core, few enough that their 20 bytes each do not count as memory.
-const SHADE_BATCH: usize = 1 << 18;
-
 impl Renderer<'_> {
     /// The paths of a frame.
     pub(crate) fn paths(&self, camera: Camera, frame: u32) -> Paths {
@@ -123,7 +87,8 @@ impl Renderer<'_> {
     pub(crate) fn wave(&self, session: &mut Session, part: Part<'_>, film: &mut Film) -> Result<()> {
         let Part { paths, wave, .. } = part;
         // For each path the share of its radiance that reaches the pixel.
-        let mut throughput = vec![Vec3::ONE; wave.pixels.len() * self.samples as usize];
+        let count = wave.pixels.len() * self.samples as usize;
+        let mut throughput = memory::filled(Vec3::ONE, count, "the rays of a wave")?;
         let pixel = |path: u32| wave.pixels[(path / self.samples) as usize];
         let mut front = paths.primary(wave);
         for bounce in 0..=self.bounces {
@@ -161,7 +126,7 @@ impl Renderer<'_> {
         let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
         let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
             .with_task_size(self.cut.size(rays));
-        let mut hits = vec![Hit::MISS; rays as usize];
+        let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
         let bar = progress::bar("tracing", rays.into());
         let show = |done, _| bar.set_position(done);
         let control = Control { cancel: Some(self.cancel), progress: Some(&show) };

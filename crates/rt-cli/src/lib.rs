@@ -4,9 +4,11 @@
 mod args;
 mod balance;
 mod experiments;
+mod film;
 mod frame;
 mod interrupt;
 mod list;
+mod memory;
 pub mod npy;
 mod progress;
 mod render;
@@ -17,7 +19,7 @@ mod verify;
 
 use args::{Cli, Command};
 use clap::Parser;
-use rt_report::{chart, html, image, output, report, table};
+use rt_report::{chart, html, output, report, table};
 use std::process::ExitCode;
 
 /// Exit code after Ctrl-C, as shells use it: 128 + SIGINT.

@@ -1,11 +1,12 @@
 //! Rays, hits and counts as NumPy arrays (`.npy`).
 //!
 //! The arrays are the in-memory layouts of [`Ray`], [`Hit`] and [`TestCounts`], row by row in C order, little-endian,
-//! moved as bits: no value passes through a float conversion on its way.
+//! moved as bits: no value passes through a float conversion on its way. Rays may also be `float64`, for origins with more
+//! digits than single precision holds: the scene's offset is subtracted before they are rounded.
 //!
 //! | array  | type      | shape    | columns |
 //! |--------|-----------|----------|---------|
-//! | rays   | `float32` | `(N, 8)` | origin x, y, z, tmin, direction x, y, z, tmax |
+//! | rays   | `float32` or `float64` | `(N, 8)` | origin x, y, z, tmin, direction x, y, z, tmax |
 //! | hits   | `float32` | `(N, 4)` | t, u, v, primitive id as bits: `hits[:, 3].view(np.uint32)` |
 //! | counts | `uint32`  | `(N, 2)` | box tests, triangle tests |
 //!
@@ -14,10 +15,12 @@
 use crate::output::write_atomically;
 use anyhow::{Context, Result, bail, ensure};
 use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
 use npyz::{DType, NpyHeader, Order, WriteOptions, WriterBuilder};
 use rt_core::{Hit, Ray, TestCounts};
 use std::fs::File;
 use std::io::{BufReader, Read};
+use std::ops::Range;
 use std::path::Path;
 
 /// Longest header that is read, in bytes: NumPy's own limit (`max_header_size`). Ours are 118 bytes long.
@@ -32,46 +35,115 @@ const CHUNK: usize = 4096;
 
 const RAY_COLUMNS: u64 = 8;
 
-/// Reads rays: an `N × 8` array of little-endian float32 in C order.
-///
-/// # Errors
-/// When the file cannot be read, is not such an array, or ends early. The message names the file, what it holds and
-/// how to save what is wanted.
-pub fn read_rays(path: &Path) -> Result<Vec<Ray>> {
-    let file = File::open(path).with_context(|| format!("cannot open `{}`", path.display()))?;
-    parse_rays(&mut BufReader::new(file)).with_context(|| format!("cannot read rays from `{}`", path.display()))
+/// Rays in a file whose header is read and found to be one of rays.
+#[derive(Debug)]
+pub struct RayFile<R> {
+    input: R,
+    rows: u64,
+    type_of: Type,
+    /// For messages.
+    name: String,
 }
 
-/// Reads rays as [`read_rays`] does, from memory or any other place.
-///
-/// # Errors
-/// Likewise; the message names no file.
-pub fn parse_rays(input: &mut impl Read) -> Result<Vec<Ray>> {
-    let header = read_header(input)?;
-    let rows = check_layout(&header)?;
-    let mut rays: Vec<Ray> = Vec::new();
-    while rays.len() < rows as usize {
-        // Grown as data arrives: a header that promises too much costs no memory.
-        let start = rays.len();
-        let end = rows.min(start as u64 + CHUNK as u64) as usize;
-        rays.resize(end, Ray::zeroed());
-        let words: &mut [u32] = bytemuck::cast_slice_mut(&mut rays[start..]);
-        let context = || format!("its header promises {rows} rays, but the data end among rays {start}..{end}");
-        input.read_exact(bytemuck::cast_slice_mut(words)).with_context(context)?;
-        words.iter_mut().for_each(|word| *word = u32::from_le(*word));
+/// How numbers are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Type {
+    Single,
+    Double,
+}
+
+impl RayFile<BufReader<File>> {
+    /// Opens a file of rays: an `N × 8` array of little-endian float32 or float64 in C order.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is not such an array. The message names the file, what it holds and how to save what
+    /// is wanted.
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = File::open(path).with_context(|| format!("cannot open `{}`", path.display()))?;
+        Self::new(BufReader::new(file), path.display().to_string())
     }
-    Ok(rays)
 }
 
-/// Number of rows of an array that holds rays.
-fn check_layout(header: &NpyHeader) -> Result<u64> {
+impl<R: Read> RayFile<R> {
+    /// Rays from memory or any other place, which messages call `name`.
+    ///
+    /// # Errors
+    /// As [`RayFile::open`].
+    pub fn new(mut input: R, name: String) -> Result<Self> {
+        let layout = read_header(&mut input).and_then(|header| check_layout(&header));
+        let (rows, type_of) = layout.with_context(|| format!("cannot read rays from `{name}`"))?;
+        Ok(Self { input, rows, type_of, name })
+    }
+
+    /// Reads the rays, with `offset` subtracted from their origins in double precision before those are rounded.
+    ///
+    /// # Errors
+    /// When the file ends early.
+    pub fn read(mut self, offset: DVec3) -> Result<Vec<Ray>> {
+        let rays = match self.type_of {
+            Type::Single => self.read_single(offset),
+            Type::Double => self.read_double(offset),
+        };
+        rays.with_context(|| format!("cannot read rays from `{}`", self.name))
+    }
+
+    fn read_single(&mut self, offset: DVec3) -> Result<Vec<Ray>> {
+        let mut rays: Vec<Ray> = Vec::new();
+        while let Some(rows) = self.next_rows(rays.len()) {
+            // Grown as data arrives: a header that promises too much costs no memory.
+            rays.resize(rows.end, Ray::zeroed());
+            let chunk = &mut rays[rows.clone()];
+            let words: &mut [u32] = bytemuck::cast_slice_mut(chunk);
+            self.read_words(bytemuck::cast_slice_mut(words), rows)?;
+            words.iter_mut().for_each(|word| *word = u32::from_le(*word));
+            if offset != DVec3::ZERO {
+                chunk.iter_mut().for_each(|ray| ray.origin = (ray.origin.as_dvec3() - offset).as_vec3());
+            }
+        }
+        Ok(rays)
+    }
+
+    fn read_double(&mut self, offset: DVec3) -> Result<Vec<Ray>> {
+        let mut rays: Vec<Ray> = Vec::new();
+        let mut words = vec![[0_u64; RAY_COLUMNS as usize]; CHUNK];
+        while let Some(rows) = self.next_rows(rays.len()) {
+            let chunk = &mut words[..rows.len()];
+            self.read_words(bytemuck::cast_slice_mut(chunk), rows)?;
+            rays.extend(chunk.iter().map(|row| {
+                let [x, y, z, tmin, dx, dy, dz, tmax] = row.map(|word| f64::from_bits(u64::from_le(word)));
+                let origin = (DVec3::new(x, y, z) - offset).as_vec3();
+                Ray::new(origin, DVec3::new(dx, dy, dz).as_vec3()).with_range(tmin as f32, tmax as f32)
+            }));
+        }
+        Ok(rays)
+    }
+
+    /// The rows to read after so many; `None` after the last.
+    fn next_rows(&self, done: usize) -> Option<Range<usize>> {
+        let end = self.rows.min((done + CHUNK) as u64) as usize;
+        (done < end).then_some(done..end)
+    }
+
+    fn read_words(&mut self, bytes: &mut [u8], Range { start, end }: Range<usize>) -> Result<()> {
+        let context = || format!("its header promises {} rays, but the data end among rays {start}..{end}", self.rows);
+        self.input.read_exact(bytes).with_context(context)
+    }
+}
+
+/// Number of rows of an array that holds rays, and the type of its numbers.
+fn check_layout(header: &NpyHeader) -> Result<(u64, Type)> {
     let dtype = header.dtype().descr();
     let shape = header.shape();
     let order = match header.order() {
         Order::C => "C",
         Order::Fortran => "Fortran",
     };
-    let advice = if dtype != "'<f4'" {
+    let type_of = match dtype.as_str() {
+        "'<f4'" => Some(Type::Single),
+        "'<f8'" => Some(Type::Double),
+        _ => None,
+    };
+    let advice = if type_of.is_none() {
         "convert it with `rays.astype('<f4')`"
     } else if !matches!(shape, [_, RAY_COLUMNS]) {
         "one row is origin x y z, tmin, direction x y z, tmax; see `rays.reshape(-1, 8)`"
@@ -80,10 +152,10 @@ fn check_layout(header: &NpyHeader) -> Result<u64> {
     } else {
         let rows = shape[0];
         ensure!(rows <= u64::from(u32::MAX), "{rows} rays are more than {}: split the file", u32::MAX);
-        return Ok(rows);
+        return Ok((rows, type_of.unwrap_or(Type::Single)));
     };
     bail!(
-        "found {dtype} of shape {shape:?} in {order} order, wanted little-endian float32 ('<f4') of shape [N, 8] in C \
+        "found {dtype} of shape {shape:?} in {order} order, wanted little-endian float32 or float64 ('<f4', '<f8') of shape [N, 8] in C \
          order: {advice}"
     )
 }

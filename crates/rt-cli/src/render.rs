@@ -1,20 +1,21 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::frame::{BYTES_PER_RAY, Film, Part, Renderer, Session};
+use crate::film::Film;
+use crate::frame::{BYTES_PER_RAY, Part, Renderer, Session, TaskCut};
+use crate::memory::{self, Room};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::shade::{Light, exposure};
-use crate::{chart, html, image, interrupt, output, table};
+use crate::shade::Light;
+use crate::{chart, html, interrupt, output, table};
 use anyhow::{Context, Result, bail};
-use glam::Vec3;
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
+use rt_report::chart::cost::CostMap;
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Wave, Waves};
 use rt_scene::{View, view};
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -25,6 +26,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     interrupt::watch();
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
+    let waves = cut(args, Room::now())?;
     let prepared = args.source.prepare(args.scene.as_deref().unwrap_or("yard"))?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
@@ -51,20 +53,25 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         reference: args.reference,
         cancel: interrupt::flag(),
     };
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
+    let mut film = Film::new(args.size, args.spp)?;
+    let mut costs = CostMap::new(args.size, args.spp);
     let mut seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
     for frame in 0..args.frames {
-        let mut film = Film::new(args.size, args.spp);
+        film.clear();
         let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
         let paths = renderer.paths(seen.camera().context("the camera of the orbit")?, frame);
-        let begin = Instant::now();
-        let before = session.runs.len();
         for (number, wave) in (0..).zip(waves.iter()) {
+            let begin = Instant::now();
+            let before = session.runs.len();
             renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave }, &mut film)?;
+            let runs = &session.runs[before..];
+            add_times(&mut seconds, runs, begin.elapsed().as_secs_f64());
+            let begin = Instant::now();
+            add_costs(&mut costs, &wave, runs);
+            seconds.write += begin.elapsed().as_secs_f64();
         }
-        add_times(&mut seconds, &session.runs[before..], begin.elapsed().as_secs_f64());
         let begin = Instant::now();
-        write_picture(&args.out, frame, args, &film)?;
+        film.write_png(&args.out.join(picture_name(frame, args)))?;
         seconds.write += begin.elapsed().as_secs_f64();
     }
     if interrupt::requested() {
@@ -72,8 +79,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     }
     let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
-    let waves: Vec<Arc<[u32]>> = waves.iter().map(|Wave { pixels, .. }| pixels).collect();
-    write_charts(args, &waves, &runs)?;
+    drop(film);
+    write_charts(args, &costs, &runs)?;
     seconds.write += begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let report = Report {
@@ -91,7 +98,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let rendered = html::render::Rendered {
         report: &report,
         runs: &runs,
-        waves: &waves,
+        map: &costs,
         size: args.size,
         samples: args.spp,
         seed: args.balance.seed,
@@ -111,8 +118,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     let base = prepared.view();
     let view = View {
-        eye: args.eye.unwrap_or(base.eye),
-        target: args.target.unwrap_or(base.target),
+        eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
+        target: args.target.map_or(base.target, |target| prepared.model.place(target)),
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
@@ -136,38 +143,48 @@ fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-fn write_picture(out: &Path, frame: u32, args: &RenderArgs, film: &Film) -> Result<()> {
-    let name = picture_name(frame, args);
-    let radiance = film.radiance();
-    let scale = exposure(&radiance);
-    let exposed: Vec<Vec3> = radiance.into_iter().map(|c| c * scale).collect();
-    image::write_png(&out.join(name), args.size[0], args.size[1], &exposed)
+/// Bytes that what is recorded of a task takes, and of what is written about it: 250 measured, for as many as there are.
+const BYTES_PER_TASK: u64 = 512;
+
+/// Least memory in which rays are traced.
+const LEAST_WAVE: u64 = 1 << 20;
+
+/// Cuts the picture into waves, or refuses one for which there is no room.
+fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
+    let [width, height] = args.size;
+    let pixels = u64::from(width) * u64::from(height);
+    // Primary rays, and for each bounce shadow and diffuse ones at most.
+    let rays = pixels * u64::from(args.spp) * u64::from(2 * args.bounces + 2);
+    let tasks = match args.balance.cut() {
+        TaskCut::Size(size) => rays / u64::from(size.max(1)),
+        TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * args.bounces + 2),
+    };
+    let records = tasks * u64::from(args.frames) * BYTES_PER_TASK;
+    let kept = pixels * Film::BYTES_PER_PIXEL + records;
+    let what = format!(
+        "a picture of {width} x {height} pixels ({} bytes a pixel, {} for the records of {tasks} tasks)",
+        Film::BYTES_PER_PIXEL,
+        memory::size(records),
+    );
+    room.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
+    // What the picture leaves, if that is less than may be used; the scene wants half of it.
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory.min((room.bytes - kept) / 2))?;
+    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_RAY;
+    room.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
+    Ok(waves)
 }
 
-fn write_charts(args: &RenderArgs, waves: &[Arc<[u32]>], runs: &[StreamRun]) -> Result<()> {
+/// Adds the primary rays of a wave to the first frame's map.
+fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
+    for run in runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0) {
+        map.add_wave(&wave.pixels, &run.tasks, &scaled_estimate(run), &run.measured_s);
+    }
+}
+
+fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun]) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs)?;
-    let primary = || runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0).zip(waves);
-    let map = |seconds: fn(&StreamRun) -> Vec<f64>| {
-        let wave = |(run, pixels): (&StreamRun, &Arc<[u32]>)| {
-            chart::cost::per_pixel(args.size, pixels, args.spp, &run.tasks, &seconds(run))
-        };
-        // Waves cover different pixels; elsewhere they are NaN, which the maximum ignores.
-        let overlay = |a: Vec<f32>, b: Vec<f32>| a.iter().zip(&b).map(|(a, b)| a.max(*b)).collect();
-        primary().map(wave).reduce(overlay).unwrap_or_default()
-    };
-    let task_of = match (waves, primary().next()) {
-        ([pixels], Some((run, _))) => Some(chart::cost::tasks_per_pixel(args.size, pixels, args.spp, &run.tasks)),
-        _ => None,
-    };
-    let picture = chart::cost::CostPicture {
-        width: args.size[0],
-        height: args.size[1],
-        estimated: &map(scaled_estimate),
-        measured: &map(|run| run.measured_s.clone()),
-        task_of: task_of.as_deref(),
-    };
-    chart::cost::write_png(&args.out.join("cost.png"), &picture)
+    costs.write_png(&args.out.join("cost.png"))
 }
 
 /// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
@@ -183,6 +200,7 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     let build = &prepared.built.report;
     SceneReport {
         source: prepared.model.source.clone(),
+        offset: prepared.model.offset.to_array(),
         triangles: prepared.model.indices.len(),
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,

@@ -56,15 +56,36 @@ const BRIGHT: f32 = 0.7;
 
 /// Factor that brings a picture to a pleasant brightness: the 97th percentile of the luminance of lit pixels becomes
 /// [`BRIGHT`], which neither a bright sky nor a dark corner moves much.
-pub(crate) fn exposure(radiance: &[Vec3]) -> f32 {
-    let luminance = |c: &Vec3| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
-    let mut values: Vec<f32> = radiance.iter().map(luminance).filter(|&l| l > 0.0 && l.is_finite()).collect();
-    if values.is_empty() {
-        return 1.0;
+pub(crate) fn exposure<I: Iterator<Item = Vec3>>(radiance: impl Fn() -> I) -> f32 {
+    let luminance = |c: Vec3| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
+    let lit = || radiance().map(luminance).filter(|&l| l > 0.0 && l.is_finite()).map(f32::to_bits);
+    // Positive numbers are in the order of their bits: of the upper half of those first, of the lower half then. So nothing
+    // that grows with the picture is held.
+    let (upper, rank) = selected(lit().map(|bits| bits >> 16), |count| count.saturating_sub(1) * 97 / 100);
+    let (lower, _) = selected(lit().filter(|bits| bits >> 16 == upper).map(|bits| bits & 0xffff), |_| rank);
+    match f32::from_bits(upper << 16 | lower) {
+        0.0 => 1.0,
+        bright => BRIGHT / bright,
     }
-    let at = (values.len() - 1) * 97 / 100;
-    let (_, value, _) = values.select_nth_unstable_by(at, f32::total_cmp);
-    BRIGHT / *value
+}
+
+/// The number below 2¹⁶ that has the rank that is asked for (which is told how many there are) among `numbers`, and the rank
+/// among those equal to it; 0 where there is none.
+fn selected(numbers: impl Iterator<Item = u32>, rank: impl Fn(u64) -> u64) -> (u32, u64) {
+    let mut counts = vec![0_u64; 1 << 16];
+    let mut all = 0;
+    for number in numbers {
+        counts[number as usize] += 1;
+        all += 1;
+    }
+    let mut rank = rank(all);
+    for (number, count) in (0..).zip(counts) {
+        if rank < count {
+            return (number, rank);
+        }
+        rank -= count;
+    }
+    (0, 0)
 }
 
 #[cfg(test)]
@@ -89,7 +110,21 @@ mod tests {
     fn exposure_ignores_outliers() {
         let mut pixels = vec![Vec3::splat(0.5); 1000];
         pixels[0] = Vec3::splat(1e6);
-        assert!((exposure(&pixels) - 2.0 * BRIGHT).abs() < 1e-3);
-        assert_eq!(exposure(&[]), 1.0);
+        assert!((exposure(|| pixels.iter().copied()) - 2.0 * BRIGHT).abs() < 1e-3);
+        assert_eq!(exposure(|| [Vec3::ZERO, Vec3::NAN].into_iter()), 1.0);
+        assert_eq!(exposure(std::iter::empty), 1.0);
+    }
+
+    /// Fails when the lower half of the bits is left out, or a rank is counted from 1.
+    #[test]
+    fn exposure_is_that_of_the_sorted_luminances() {
+        for count in [1, 2, 33, 100, 1234] {
+            let number = |i: u32| rt_core::random::unit(rt_core::random::pcg3d([i, count, 0])[0]) + 1e-3;
+            let pixels: Vec<Vec3> = (0..count).map(|i| Vec3::splat(number(i))).collect();
+            let mut sorted: Vec<f32> = pixels.iter().map(|c| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z).collect();
+            sorted.sort_by(f32::total_cmp);
+            let expected = BRIGHT / sorted[(count as usize - 1) * 97 / 100];
+            assert_eq!(exposure(|| pixels.iter().copied()), expected, "{count}");
+        }
     }
 }

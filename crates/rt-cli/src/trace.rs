@@ -13,8 +13,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     interrupt::watch();
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
-    let rays = npy::read_rays(&args.rays)?;
+    let rays = npy::RayFile::open(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
+    let rays = rays.read(prepared.model.offset)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;

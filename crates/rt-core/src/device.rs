@@ -92,6 +92,8 @@ pub struct Traffic {
     pub downloaded: u64,
     /// Rays of launches and walks that the device left to the host.
     pub on_host: u64,
+    /// Those of them whose answer by the device the host refused.
+    pub refused: u64,
 }
 
 impl Traffic {
@@ -102,6 +104,7 @@ impl Traffic {
             uploaded: self.uploaded.saturating_sub(earlier.uploaded),
             downloaded: self.downloaded.saturating_sub(earlier.downloaded),
             on_host: self.on_host.saturating_sub(earlier.on_host),
+            refused: self.refused.saturating_sub(earlier.refused),
         }
     }
 }

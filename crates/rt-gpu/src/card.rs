@@ -1,7 +1,7 @@
 //! What a graphics device says of itself.
 
-use crate::{Layouts, Profile, Tally, bounce};
-use rt_core::{Device, DeviceError};
+use crate::{Layouts, Profile, Tally};
+use rt_core::Device;
 
 /// A graphics card, or a processor in the guise of one, as its driver describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,7 +61,13 @@ pub trait GpuDevice: Device {
     ///
     /// # Errors
     /// When the kernel cannot be compiled or the device is lost.
-    fn fault_of_bounces(&self, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError>;
+    /// So does a backend that was built without the feature `test-support` of its own.
+    #[cfg(feature = "test-support")]
+    fn fault_of_bounces(&self, trials: &[crate::bounce::Trial]) -> Result<Option<String>, rt_core::DeviceError> {
+        let _ = trials;
+        let kind = rt_core::DeviceErrorKind::Unsupported;
+        Err(rt_core::DeviceError::new(kind, "the backend was built without the feature `test-support`"))
+    }
 }
 
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.

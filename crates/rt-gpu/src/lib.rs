@@ -18,6 +18,8 @@
 //! | walking a ray | 4 bytes | 12 bytes: hit and counts |
 //!
 //! The host's share runs on rayon's threads.
+//!
+//! The feature `test-support` adds [`FaultInjection`] and what else tests want of a device; it changes nothing else.
 #![forbid(unsafe_code)]
 
 pub mod arithmetic;
@@ -25,6 +27,7 @@ mod board;
 pub mod bounce;
 pub mod camera;
 mod card;
+mod faults;
 mod image;
 mod maker;
 mod order;
@@ -35,12 +38,14 @@ mod scene;
 mod tally;
 mod tracer;
 mod trials;
-mod trouble;
 mod tuning;
 mod work;
 
 pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
+#[cfg(feature = "test-support")]
+pub use faults::FaultInjection;
+pub use faults::Faults;
 pub use image::{Frame, SceneImage};
 pub use order::Order;
 pub use profile::Profile;
@@ -49,7 +54,6 @@ pub use scene::{GpuScene, Layouts, Trees};
 pub use tally::Tally;
 pub use tracer::GpuTracer;
 pub use trials::Trials;
-pub use trouble::Trouble;
 pub use tuning::Tuning;
 pub use work::Work;
 

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use rt_bvh::Stack;
 use rt_bvh::offload::Offload;
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, StreamSpec, TestCounts, Ticket, Walk};
+use rt_fenv::Environment;
 use rt_shaders::{DOUBTFUL, MISS, Purpose};
 use std::time::Duration;
 
@@ -58,8 +59,20 @@ pub(crate) struct Finished {
     /// Items that the host traced.
     pub on_host: usize,
     pub in_kernel: Duration,
-    /// The first ray whose hit, a slot of the leaf order, is none: the kernel did not work.
-    pub wrong: Option<(u32, u32)>,
+    /// Those of them whose hit, by the kernel, is none.
+    pub refused: usize,
+    /// The first of these: the ray, and the slot of the leaf order.
+    pub first_refused: Option<(u32, u32)>,
+}
+
+/// The answer for one item.
+struct Given {
+    hit: Hit,
+    counts: TestCounts,
+    /// Whether the host traced it.
+    on_host: bool,
+    /// The slot that the kernel named though its triangle is not hit.
+    refused: Option<u32>,
 }
 
 /// Items that one thread finishes before it looks for more: some 50 µs of work.
@@ -107,45 +120,46 @@ pub(crate) fn finish(
     answers: &mut Answers<'_>,
 ) -> Finished {
     let offload = Offload::new(scene.given());
-    let one = |stack: &mut Stack, item: usize, ray: u32| -> Result<(Hit, TestCounts, bool), (u32, u32)> {
+    let one = |stack: &mut Stack, item: usize, ray: u32| {
         let counts = answer.counts.get(item).copied().unwrap_or_default();
+        let believed = |hit| Given { hit, counts, on_host: false, refused: None };
+        let mut traced = |refused| {
+            let (hit, counts) = on_host(scene, stack, how, source.ray(ray));
+            Given { hit, counts, on_host: true, refused }
+        };
         match answer.found[item] {
-            DOUBTFUL => {
-                let (hit, counts) = on_host(scene, stack, how, source.ray(ray));
-                Ok((hit, counts, true))
-            }
-            MISS => Ok((Hit::MISS, counts, false)),
+            DOUBTFUL => traced(None),
+            MISS => believed(Hit::MISS),
             slot => match scene.finish(&offload, &source.ray(ray).0, slot) {
-                Some(hit) => Ok((hit, counts, false)),
-                None => Err((ray, slot)),
+                Some(hit) => believed(hit),
+                None => traced(Some(slot)),
             },
         }
     };
-    let parts: Vec<(usize, Option<(u32, u32)>)> = chunks(work, answers)
+    let parts: Vec<Finished> = chunks(work, answers)
         .into_par_iter()
         .map_init(
-            || Stack::for_scene(scene.given()),
-            |stack, Chunk { item, place: first, answers }| {
-                let (mut on_host, mut wrong) = (0, None);
+            || (Environment::enter(), Stack::for_scene(scene.given())),
+            |(_, stack), Chunk { item, place: first, answers }| {
+                let mut part = Finished::default();
                 for (item, (ray, place)) in (item as usize..).zip(work.from(item)).take(CHUNK) {
                     let place = (place - first) as usize;
-                    match one(stack, item, ray) {
-                        Ok((hit, counts, traced)) => {
-                            answers.hits.get_mut(place).into_iter().for_each(|out| *out = hit);
-                            answers.counts.get_mut(place).into_iter().for_each(|out| *out = counts);
-                            on_host += usize::from(traced);
-                        }
-                        Err(item) => wrong = wrong.or(Some(item)),
-                    }
+                    let given = one(stack, item, ray);
+                    answers.hits.get_mut(place).into_iter().for_each(|out| *out = given.hit);
+                    answers.counts.get_mut(place).into_iter().for_each(|out| *out = given.counts);
+                    part.on_host += usize::from(given.on_host);
+                    part.refused += usize::from(given.refused.is_some());
+                    part.first_refused = part.first_refused.or(given.refused.map(|slot| (ray, slot)));
                 }
-                (on_host, wrong)
+                part
             },
         )
         .collect();
     Finished {
-        on_host: parts.iter().map(|(on_host, _)| on_host).sum(),
+        on_host: parts.iter().map(|part| part.on_host).sum(),
         in_kernel: answer.in_kernel.unwrap_or_default(),
-        wrong: parts.iter().find_map(|(_, wrong)| *wrong),
+        refused: parts.iter().map(|part| part.refused).sum(),
+        first_refused: parts.iter().find_map(|part| part.first_refused),
     }
 }
 

@@ -4,6 +4,7 @@ use crate::Board;
 use rayon::prelude::*;
 use rt_bvh::offload::{KernelRay, Offload};
 use rt_core::{DeviceError, DeviceErrorKind, RaySource};
+use rt_fenv::Environment;
 
 /// Rays prepared at once: 4 MiB of them, enough for every thread and the bus, little beside any scene.
 const BATCH: u32 = 1 << 16;
@@ -23,12 +24,15 @@ pub(crate) fn prepare(board: &mut impl Board, offload: &Offload<'_>, source: &Ra
     let mut sent = 0;
     for (first, count) in windows(board.window(), source.len()) {
         for skip in (0..count).step_by(BATCH as usize) {
-            let prepare = |index| {
+            let prepare = |_: &mut Environment, index| {
                 let (ray, excluded) = source.ray(index);
                 offload.prepare(&ray, excluded)
             };
             let begin = first + skip;
-            (begin..begin + BATCH.min(count - skip)).into_par_iter().map(prepare).collect_into_vec(&mut batch);
+            (begin..begin + BATCH.min(count - skip))
+                .into_par_iter()
+                .map_init(Environment::enter, prepare)
+                .collect_into_vec(&mut batch);
             board.write_rays(begin, &batch)?;
             sent += size_of_val(&batch[..]) as u64;
         }

@@ -5,7 +5,7 @@ use crate::pending::{Answers, Finished, How, Part, Pending, finish};
 use crate::work::Sorter;
 use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
 use rt_bvh::offload::Offload;
-use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
+use rt_core::arguments::{check_load, check_submit, check_walk, invalid, is_disbelieved};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
     TestCounts, Ticket, Tracer, Traffic, Walk,
@@ -109,10 +109,16 @@ impl<B: Board> GpuTracer<B> {
                 traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
                 finished = finish(scene, source, how, work, &answer, &mut answers);
             })?;
-            if let Some((ray, slot)) = finished.wrong {
-                let what = format!("the {} device's hit of ray {ray} with triangle {slot} is none", board.api());
-                return Err(DeviceError::new(DeviceErrorKind::Lost, what));
+            if let (Some((ray, slot)), true) =
+                (finished.first_refused, is_disbelieved(work.items() as u64, finished.refused as u64))
+            {
+                let (api, refused, all) = (board.api(), finished.refused, work.items());
+                let what = format!(
+                    "{refused} of {all} answers of the {api} device are none, such as triangle {slot} for ray {ray}"
+                );
+                return Err(DeviceError::new(DeviceErrorKind::WrongAnswer, what));
             }
+            self.traffic.refused += finished.refused as u64;
             self.tally.add(work.items(), finished.on_host);
             self.traffic.on_host += finished.on_host as u64;
             in_kernel += finished.in_kernel;

@@ -4,13 +4,18 @@
 //! |---|---|
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
+//! | [`contenders`] | the ways to schedule that experiments compare |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
+//!
+//! Programs: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong they are), `coverage` (how often
+//! their intervals hold).
 //!
 //! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
 //! here knows a command line or a terminal.
 #![forbid(unsafe_code)]
 
 pub mod bench;
+pub mod contenders;
 pub mod figure1;
 mod lab;
 mod stretch;

@@ -143,15 +143,9 @@ fn costs(path: &Path, width: u32, height: u32, side: u32) -> anyhow::Result<()> 
             measured.push(if known { cost * (0.9 + 0.25 * noise(tasks.len() as u32)) } else { f64::NAN });
         }
     }
-    let size = [width, height];
-    let picture = cost::CostPicture {
-        width,
-        height,
-        estimated: &cost::per_pixel(size, &pixels, 1, &tasks, &estimated),
-        measured: &cost::per_pixel(size, &pixels, 1, &tasks, &measured),
-        task_of: Some(&cost::tasks_per_pixel(size, &pixels, 1, &tasks)),
-    };
-    cost::write_png(path, &picture)
+    let mut map = cost::CostMap::new([width, height], 1);
+    map.add_wave(&pixels, &tasks, &estimated, &measured);
+    map.write_png(path)
 }
 
 /// Coloured discs from dark to far too bright: highlights must fade to white without turning another colour.
@@ -167,5 +161,5 @@ fn spheres(path: &Path) -> anyhow::Result<()> {
             image.push(colors[row] * inside * 2.0_f32.powi(column as i32 - 3));
         }
     }
-    rt_report::image::write_png(path, width as u32, height as u32, &image)
+    rt_report::image::write_png(path, [width as u32, height as u32], &image, 1.0)
 }

@@ -3,31 +3,49 @@
 use crate::output::write_atomically;
 use anyhow::{Result, ensure};
 use glam::Vec3;
+use rayon::prelude::*;
+use std::io::Write;
 use std::path::Path;
 
-/// Writes linear radiance (Rec. 709 primaries, row by row from the upper left) as an 8-bit sRGB PNG.
+/// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
+const BLOCK: usize = 1 << 18;
+
+/// Writes linear radiance (Rec. 709 primaries, row by row from the upper left), times `exposure`, as an 8-bit sRGB PNG.
 ///
-/// Radiance up to about 0.8 keeps its colour; what is brighter is compressed towards white. Values that are negative
+/// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8 keeps its colour; what is brighter is compressed towards white. Values that are negative
 /// or not numbers become black, infinite ones white.
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.
-pub fn write_png(path: &Path, width: u32, height: u32, radiance: &[Vec3]) -> Result<()> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<()> {
     let pixels = u64::from(width) * u64::from(height);
     ensure!(radiance.len() as u64 == pixels, "{} radiances for a picture of {width} × {height}", radiance.len());
-    let bytes: Vec<u8> = radiance.iter().flat_map(|&pixel| encode(pixel)).collect();
-    write_rgb(path, width, height, &bytes)
+    write(path, [width, height], |out| {
+        let mut bytes: Vec<[u8; 3]> = Vec::new();
+        for block in radiance.chunks(BLOCK) {
+            block.par_iter().map(|&pixel| encode(pixel * exposure)).collect_into_vec(&mut bytes);
+            out.write_all(bytes.as_flattened())?;
+        }
+        Ok(())
+    })
 }
 
 /// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
 pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
+    write(path, [width, height], |out| Ok(out.write_all(bytes)?))
+}
+
+/// Writes a PNG whose pixels `pixels` writes, three bytes each.
+fn write(path: &Path, [width, height]: [u32; 2], pixels: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     write_atomically(path, |out| {
         let mut encoder = png::Encoder::new(out, width, height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
         let mut writer = encoder.write_header()?;
-        writer.write_image_data(bytes)?;
+        let mut stream = writer.stream_writer()?;
+        pixels(&mut stream)?;
+        stream.finish()?;
         Ok(writer.finish()?)
     })
 }
@@ -90,7 +108,7 @@ mod tests {
     fn a_picture_can_be_read_back() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("image.png");
-        write_png(&path, 2, 1, &[Vec3::ZERO, Vec3::splat(100.0)]).unwrap();
+        write_png(&path, [2, 1], &[Vec3::ZERO, Vec3::splat(25.0)], 4.0).unwrap();
         let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut pixels = [0; 6];
@@ -98,6 +116,6 @@ mod tests {
         assert_eq!((info.width, info.height, info.color_type), (2, 1, png::ColorType::Rgb));
         assert_eq!(pixels[..3], [0; 3]);
         assert!(pixels[3..].iter().all(|&channel| channel > 250));
-        assert!(write_png(&path, 2, 2, &[Vec3::ZERO]).is_err());
+        assert!(write_png(&path, [2, 2], &[Vec3::ZERO], 1.0).is_err());
     }
 }

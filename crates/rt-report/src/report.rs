@@ -33,6 +33,8 @@ pub struct Report {
 pub struct SceneReport {
     /// Its file, or the name of a built-in scene.
     pub source: String,
+    /// What was subtracted from the coordinates of the file.
+    pub offset: [f64; 3],
     /// Triangles of the source.
     pub triangles: usize,
     /// Triangles without area, which no ray can hit.

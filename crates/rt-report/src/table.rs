@@ -58,14 +58,14 @@ impl std::fmt::Display for Table {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let width = |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
-        let widths: Vec<usize> = (0..columns).map(width).collect();
+        let widths: Vec<(usize, bool)> = (0..columns).map(|c| (width(c), self.is_words(c))).collect();
         for row in &self.rows {
             let mut line = String::from(" ");
-            for (column, (cell, &width)) in row.iter().zip(&widths).enumerate() {
+            for (column, (cell, &(width, is_words))) in row.iter().zip(&widths).enumerate() {
                 if column > 0 {
                     line.push(' ');
                 }
-                if self.is_words(column) {
+                if is_words {
                     write!(line, " {cell:<width$}")?;
                 } else {
                     write!(line, " {cell:>width$}")?;
@@ -114,6 +114,9 @@ pub fn streams(runs: &[StreamRun]) -> String {
     format!("{}\n{}", stream_table(runs), device_table(runs))
 }
 
+/// Most streams that a table lists: more than that nobody reads. The longest are kept.
+const MOST_STREAMS: usize = 64;
+
 /// How each stream was balanced.
 #[must_use]
 pub fn stream_table(runs: &[StreamRun]) -> Table {
@@ -132,10 +135,12 @@ pub fn stream_table(runs: &[StreamRun]) -> Table {
         "imbalance",
         "excess",
     ]);
-    for report in runs.iter().map(|run| &run.report) {
+    let name = Naming::of(runs);
+    let shown = longest(runs, MOST_STREAMS);
+    for report in shown.iter().map(|run| &run.report) {
         let estimate = &report.estimate;
         streams.row(vec![
-            name(report, runs),
+            name.of_stream(report),
             grouped(report.rays.into()),
             grouped(report.tasks.into()),
             format!("{:.2}", f64::from(report.rays) / report.makespan_s.max(f64::MIN_POSITIVE) / 1e6),
@@ -150,7 +155,19 @@ pub fn stream_table(runs: &[StreamRun]) -> Table {
             percent(report.excess),
         ]);
     }
+    if shown.len() < runs.len() {
+        streams.row(vec![format!("(the {} longest of {})", shown.len(), grouped(runs.len() as u64))]);
+    }
     streams
+}
+
+/// The streams with the longest makespans, in their own order.
+pub(crate) fn longest(runs: &[StreamRun], most: usize) -> Vec<&StreamRun> {
+    let mut order: Vec<usize> = (0..runs.len()).collect();
+    order.sort_by(|&a, &b| runs[b].report.makespan_s.total_cmp(&runs[a].report.makespan_s));
+    order.truncate(most);
+    order.sort_unstable();
+    order.into_iter().map(|index| &runs[index]).collect()
 }
 
 /// Sums over all streams for each device.
@@ -188,16 +205,27 @@ pub fn device_table(runs: &[StreamRun]) -> Table {
     table
 }
 
-/// The stream's kind, with frame and wave where there is more than one.
-fn name(report: &StreamReport, runs: &[StreamRun]) -> String {
-    let mut name = report.kind.clone();
-    if runs.iter().any(|run| run.report.frame > 0) {
-        let _ = write!(name, ", frame {}", report.frame);
+/// What streams are called: their kind, with frame and wave where there is more than one.
+struct Naming {
+    frames: bool,
+    waves: bool,
+}
+
+impl Naming {
+    fn of(runs: &[StreamRun]) -> Self {
+        Self { frames: runs.iter().any(|run| run.report.frame > 0), waves: runs.iter().any(|run| run.report.wave > 0) }
     }
-    if runs.iter().any(|run| run.report.wave > 0) {
-        let _ = write!(name, ", wave {}", report.wave);
+
+    fn of_stream(&self, report: &StreamReport) -> String {
+        let mut name = report.kind.clone();
+        if self.frames {
+            let _ = write!(name, ", frame {}", report.frame);
+        }
+        if self.waves {
+            let _ = write!(name, ", wave {}", report.wave);
+        }
+        name
     }
-    name
 }
 
 #[cfg(test)]

@@ -8,9 +8,11 @@
 
 pub mod builtin;
 mod frame;
+mod memory;
 mod model;
 pub mod obj;
 pub mod prepare;
+pub mod progress;
 pub mod scan;
 pub mod scenes;
 pub mod streams;

@@ -1,6 +1,6 @@
 //! A model: triangles with flat colours and, for built-in scenes, a camera.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rt_core::{Aabb, Camera, CameraError, Triangle};
 
 /// Triangles as loaded or generated, in file order: the primitive id of a hit is an index into [`Model::indices`].
@@ -8,7 +8,7 @@ use rt_core::{Aabb, Camera, CameraError, Triangle};
 pub struct Model {
     /// Where it came from: a path, or `builtin:yard`.
     pub source: String,
-    /// Vertex positions.
+    /// Vertex positions, [`Model::offset`] subtracted.
     pub positions: Vec<Vec3>,
     /// Three vertex indices for each triangle.
     pub indices: Vec<[u32; 3]>,
@@ -16,6 +16,9 @@ pub struct Model {
     pub palette: Vec<Vec3>,
     /// Index into the palette for each triangle; empty when all use colour 0.
     pub colour_of: Vec<u16>,
+    /// What is added to [`Model::positions`] for the coordinates of the file: 0 but where single precision could not hold
+    /// those.
+    pub offset: DVec3,
     /// The view that shows the model well, where one is known.
     pub view: Option<View>,
 }
@@ -86,6 +89,12 @@ impl Model {
     #[must_use]
     pub fn into_colours(self) -> Colours {
         Colours { palette: self.palette, of: self.colour_of }
+    }
+
+    /// A point in the coordinates of the file, in those of the model. Exact to single precision of the result.
+    #[must_use]
+    pub fn place(&self, point: DVec3) -> Vec3 {
+        (point - self.offset).as_vec3()
     }
 
     /// Bounds of all finite vertices.

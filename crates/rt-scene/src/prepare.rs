@@ -1,6 +1,6 @@
 //! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
 
-use crate::obj::{LoadError, LoadOptions, LoadProgress, load_obj};
+use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch, load_obj};
 use crate::scan::{Plan, Scan};
 use crate::streams::{Paths, Sun};
 use crate::{Model, View, builtin, scenes, view};
@@ -51,10 +51,14 @@ pub struct Prepared {
     pub plan: Plan,
     /// The precision asked for, or the plan's.
     pub precision: Precision,
+    /// The view that a `cameras.tsv` beside the file gives.
+    pub listed: Option<View>,
     /// How it was prepared.
     pub options: Options,
     /// What the user should know of the file, one sentence each.
     pub warnings: Vec<String>,
+    /// What was done with its numbers, likewise.
+    pub notes: Vec<String>,
     /// Seconds of loading or generating, and of the scan.
     pub load_s: f64,
     /// Seconds of building the tree.
@@ -62,7 +66,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The model's own view, else one that shows all of it: from outside, or from inside where it is a room.
+    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from outside, or
+    /// from inside where it is a room. Pictures and measurements have the same.
     #[must_use]
     pub fn view(&self) -> View {
         let scene: &Scene = &self.built.scene;
@@ -77,7 +82,7 @@ impl Prepared {
             let outside = view::auto_view(&self.model);
             view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
         };
-        self.model.view.unwrap_or_else(automatic)
+        self.model.view.or(self.listed).unwrap_or_else(automatic)
     }
 
     /// One path for each pixel of a picture of `view`: for measurements, the rays that rendering it sends.
@@ -90,18 +95,15 @@ impl Prepared {
     }
 }
 
-/// Loads or generates the scene, scans it and builds its tree; `progress` is told how far a file is loaded.
+/// Loads or generates the scene, scans it and builds its tree; `watch` is told how far a file is loaded.
 ///
 /// # Errors
-/// When there is no such scene, its file cannot be loaded or its tree not be built.
-pub fn prepare(
-    scene: &str,
-    options: &Options,
-    progress: &mut dyn FnMut(LoadProgress),
-) -> Result<Prepared, PrepareError> {
+/// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
+pub fn prepare(scene: &str, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
-    let Named { name, model, warnings } = load(scene, options.invalid, progress)?;
-    let mut plan = Plan::new(&Scan::new(&model));
+    let Named { name, model, warnings, notes } = load(scene, options.invalid, watch)?;
+    let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
+    let mut plan = Plan::new(&scan);
     let load_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
@@ -112,7 +114,8 @@ pub fn prepare(
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);
-    Ok(Prepared { name, model, built, plan, precision, options: *options, warnings, load_s, build_s })
+    let listed = view::listed(Path::new(scene), &model);
+    Ok(Prepared { name, model, built, plan, precision, listed, options: *options, warnings, notes, load_s, build_s })
 }
 
 /// A scene's triangles, and what it is called.
@@ -124,6 +127,8 @@ pub struct Named {
     pub model: Model,
     /// What the user should know of the file, one sentence each.
     pub warnings: Vec<String>,
+    /// What was done with its numbers, likewise.
+    pub notes: Vec<String>,
 }
 
 /// Generates the built-in scene called `name`, if there is one.
@@ -136,33 +141,22 @@ pub fn generate(name: &str) -> Option<Model> {
     }
 }
 
-/// Generates or loads a scene; `progress` is told how far a file is loaded.
+/// Generates or loads a scene; `watch` is told how far a file is loaded.
 ///
 /// # Errors
-/// When there is no such scene, or its file cannot be loaded.
-pub fn load(
-    scene: &str,
-    invalid: InvalidTriangles,
-    progress: &mut dyn FnMut(LoadProgress),
-) -> Result<Named, PrepareError> {
+/// When there is no such scene, or its file cannot be loaded, or `watch` breaks.
+pub fn load(scene: &str, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> Result<Named, PrepareError> {
     let path = Path::new(scene);
     let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
     if let Some(model) = generate(scene) {
-        return Ok(Named { name, model, warnings: Vec::new() });
+        return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new() });
     }
     if !path.exists() && path.extension().is_none() {
         return Err(PrepareError::Unknown { scene: scene.to_owned() });
     }
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
-    let loaded = load_obj(path, &options, progress).map_err(PrepareError::Load)?;
-    let mut warnings = loaded.warnings;
-    if loaded.invalid_triangles > 0 {
-        warnings.push(format!(
-            "{scene}: {} triangles with {} invalid vertices are left out",
-            loaded.invalid_triangles, loaded.invalid_vertices
-        ));
-    }
-    Ok(Named { name, model: loaded.model, warnings })
+    let Loaded { model, warnings, notes, .. } = load_obj(path, &options, watch).map_err(PrepareError::Load)?;
+    Ok(Named { name, model, warnings, notes })
 }
 
 /// Why a scene cannot be traced.
@@ -211,9 +205,10 @@ impl Error for PrepareError {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::progress::unwatched;
 
     fn prepared(scene: &str) -> Result<Prepared, PrepareError> {
-        prepare(scene, &Options::new(Builder::Sah), &mut |_| {})
+        prepare(scene, &Options::new(Builder::Sah), &mut unwatched)
     }
 
     /// Mutants: `Load` without its message; the precision of the plan instead of the one asked for.
@@ -223,7 +218,7 @@ mod tests {
         assert_eq!(car.name, "car");
         assert!(!car.built.scene.triangles().is_empty() && car.view().camera().is_ok());
         let fast = Options { precision: Some(Precision::Fast), ..Options::new(Builder::Sah) };
-        assert_eq!(prepare("car", &fast, &mut |_| {}).unwrap().precision, Precision::Fast);
+        assert_eq!(prepare("car", &fast, &mut unwatched).unwrap().precision, Precision::Fast);
         assert!(prepared("cat").unwrap_err().to_string().contains("built-in are: yard, car"));
         assert!(prepared("missing.obj").unwrap_err().to_string().contains("missing.obj"));
     }

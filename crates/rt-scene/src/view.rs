@@ -90,28 +90,29 @@ pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) 
     (count > CLEARLY_MORE * seen(outside)).then_some(best)
 }
 
-/// The view that the file `cameras.tsv` beside a scene's file gives for it, if there is one: see [`from_row`].
+/// The view of `model` that the file `cameras.tsv` beside its file `path` gives, if there is one: see [`from_row`].
 #[must_use]
-pub fn listed(path: &Path) -> Option<View> {
+pub fn listed(path: &Path, model: &Model) -> Option<View> {
     let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
     let file = path.file_name()?.to_str()?;
-    table.lines().find_map(|row| from_row(row, file))
+    table.lines().find_map(|row| from_row(row, file, model))
 }
 
-/// The view in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field of view in
-/// degrees, separated by tabs, and coordinates by blanks.
+/// The view of `model` in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field of
+/// view in degrees, separated by tabs, and coordinates, which are those of the file, by blanks.
 #[must_use]
-pub fn from_row(row: &str, file: &str) -> Option<View> {
+pub fn from_row(row: &str, file: &str, model: &Model) -> Option<View> {
     let fields: Vec<&str> = row.split('\t').collect();
     let [name, eye, target, up, fov] = fields[..] else { return None };
     if name != file {
         return None;
     }
     let point = |text: &str| {
-        let numbers: Vec<f32> = text.split_whitespace().map_while(|n| n.parse().ok()).collect();
-        Some(Vec3::from(<[f32; 3]>::try_from(numbers).ok()?))
+        let numbers: Vec<f64> = text.split_whitespace().map_while(|n| n.parse().ok()).collect();
+        Some(DVec3::from(<[f64; 3]>::try_from(numbers).ok()?))
     };
-    Some(View { eye: point(eye)?, target: point(target)?, up: point(up)?, fov_degrees: fov.trim().parse().ok()? })
+    let [eye, target] = [eye, target].map(|text| Some(model.place(point(text)?)));
+    Some(View { eye: eye?, target: target?, up: point(up)?.as_vec3(), fov_degrees: fov.trim().parse().ok()? })
 }
 
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen
@@ -281,10 +282,14 @@ mod tests {
     #[test]
     fn cameras_are_read_and_bad_lines_are_not() {
         let line = "a.obj\t1 2 3\t0 0 0\t0 1 0\t45";
-        let found = from_row(line, "a.obj").expect("a camera");
+        let model = Model::default();
+        let found = from_row(line, "a.obj", &model).expect("a camera");
         assert_eq!((found.eye.z, found.fov_degrees), (3.0, 45.0));
+        let far = Model { offset: DVec3::new(5e6, 0.0, -5e6), ..Model::default() };
+        let found = from_row("a.obj\t5000000.1 2 3\t5e6 0 -5e6\t0 1 0\t45", "a.obj", &far).expect("a camera");
+        assert_eq!((found.eye, found.target), (Vec3::new(0.1, 2.0, 5_000_003.0), Vec3::ZERO));
         for bad in ["# a.obj", "b.obj\t1 2 3\t0 0 0\t0 1 0\t45", "a.obj\t1 2\t0 0 0\t0 1 0\t45", "a.obj\t1 2 3", ""] {
-            assert_eq!(from_row(bad, "a.obj"), None);
+            assert_eq!(from_row(bad, "a.obj", &model), None);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Real files, where the caller has them: `RAYBALANCE_SCENES` names the folder.
 
-use rt_scene::obj::{LoadOptions, load_obj};
+use rt_scene::obj::{LoadOptions, load_obj, unwatched};
 use rt_scene::scan::{Plan, Scan};
 use rt_scene::view::auto_view;
 use std::path::Path;
@@ -23,7 +23,7 @@ fn real_files_are_loaded_scanned_and_seen() {
     let folder = std::env::var("RAYBALANCE_SCENES").expect("set RAYBALANCE_SCENES");
     for (file, triangles, degenerate) in FILES {
         let start = Instant::now();
-        let model = load_obj(&Path::new(&folder).join(file), &LoadOptions::default(), &mut |_| {}).unwrap().model;
+        let model = load_obj(&Path::new(&folder).join(file), &LoadOptions::default(), &mut unwatched).unwrap().model;
         let loaded = start.elapsed();
         let start = Instant::now();
         let scan = Scan::new(&model);

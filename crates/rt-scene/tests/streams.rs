@@ -313,7 +313,7 @@ fn rays_of_a_picture(memory: u64) -> Vec<Vec<(u64, Ray, u32)>> {
     let scene = Arc::clone(surfaces.scene());
     let paths = Paths { camera, size, samples: 3, seed: 8, sun: Sun::beside(&view), surfaces };
     let mut all = vec![Vec::new(); 5];
-    for wave in Waves::new(size, 3, 256, memory).unwrap().iter() {
+    for wave in Waves::new(size, 3, 256, memory).expect("it has pixels").iter() {
         let mut front = paths.primary(&wave);
         for bounce in 0..2 {
             let rays = (0..front.source.len()).map(|i| front.source.ray(i));

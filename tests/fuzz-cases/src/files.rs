@@ -1,17 +1,20 @@
 //! Files of users: OBJ scenes and NumPy rays.
 
+use glam::DVec3;
 use rt_bvh::{BuildOptions, InvalidTriangles, Mesh};
-use rt_scene::obj::{LoadOptions, load_obj_from};
+use rt_scene::obj::{LoadOptions, load_obj_from, unwatched};
 
 /// Loads the bytes as an OBJ file, which may name itself as its material file; what it accepts can be built.
 pub fn obj(data: &[u8]) {
     for drop_invalid in [false, true] {
         let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
         let materials = |_: &str| Ok(data.to_vec());
-        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut |_| ()) {
+        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut unwatched) {
             Ok(loaded) => {
                 let model = &loaded.model;
                 let count = model.positions.len();
+                assert!(model.offset.is_finite());
+                assert!(drop_invalid || loaded.left_out == 0 && model.positions.iter().all(|p| p.is_finite()));
                 assert!(model.indices.iter().flatten().all(|&i| (i as usize) < count), "an index leads nowhere");
                 assert!(model.colour_of.is_empty() || model.colour_of.len() == model.indices.len());
                 let mesh = Mesh { positions: &model.positions, indices: &model.indices };
@@ -29,8 +32,8 @@ pub fn obj(data: &[u8]) {
 
 /// Reads the bytes as a NumPy file of rays.
 pub fn npy(data: &[u8]) {
-    let mut rest = data;
-    if let Ok(rays) = rt_cli::npy::parse_rays(&mut rest) {
+    let offset = DVec3::new(5e6, 0.0, -0.125);
+    if let Ok(rays) = rt_cli::npy::RayFile::new(data, String::new()).and_then(|file| file.read(offset)) {
         assert!(rays.len() * size_of::<rt_core::Ray>() <= data.len(), "more rays than the file holds");
     }
 }

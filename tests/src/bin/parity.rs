@@ -100,7 +100,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let begin = Instant::now();
     let model = scene.load()?;
     let triangles = scenes::triangles(&model);
-    let camera = scene.view.map(|view| view.camera()).transpose().map_err(|e| format!("{}: {e}", scene.name))?;
+    let camera = model.view.map(|view| view.camera()).transpose().map_err(|e| format!("{}: {e}", scene.name))?;
     let exam = Exam::new(&triangles, camera.as_ref(), arguments.rays, arguments.seed);
     let (mut hits, mut wrong, mut other) = (0, 0, 0);
     for &builder in Builder::ALL {

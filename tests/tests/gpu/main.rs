@@ -17,7 +17,7 @@ use backend_vulkan::{OpenError, VulkanDevice};
 use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_core::Device;
-use rt_gpu::{GpuDevice, Trouble, Tuning};
+use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_scene::builtin;
 use rt_tests::conformance::{Subject, trials};
 use rt_tests::scenes;
@@ -62,7 +62,7 @@ impl Backend {
     }
 
     /// The same, opened with what a test wants of them.
-    fn enumerate_with(self, trouble: Option<Trouble>, tuning: Tuning) -> Result<Vec<Opened>, String> {
+    fn enumerate_with(self, fault: Option<FaultInjection>, tuning: Tuning) -> Result<Vec<Opened>, String> {
         fn all<T, D: GpuDevice + 'static, E: Display>(
             found: Result<Vec<Result<T, E>>, E>,
             tuned: impl Fn(T) -> D,
@@ -73,7 +73,7 @@ impl Backend {
         }
         match self {
             Self::Vulkan => {
-                let options = backend_vulkan::Options { trouble, ..Default::default() };
+                let options = backend_vulkan::Options { fault, ..Default::default() };
                 let open = |validation| VulkanDevice::enumerate(backend_vulkan::Options { validation, ..options });
                 let found = match open(true) {
                     Err(OpenError::NoValidation) if !self.is_required() => open(false),
@@ -82,7 +82,7 @@ impl Backend {
                 all(found, |device| device.tuned(tuning))
             }
             Self::Wgpu => {
-                let options = backend_wgpu::Options { trouble, ..Default::default() };
+                let options = backend_wgpu::Options { fault, ..Default::default() };
                 all(WgpuDevice::enumerate(options), |device| device.tuned(tuning))
             }
         }
@@ -157,8 +157,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         Ok(scenes) => all.extend(scenes.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
             found.trial(&name, move |found| {
-                let mut model = scene.load()?;
-                model.view = scene.view;
+                let model = scene.load()?;
                 hits::compare(&*found.device, &model)
             })
         })),

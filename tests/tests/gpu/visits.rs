@@ -9,7 +9,7 @@ use rt_core::{
     Clock, Device, DeviceError, DeviceInfo, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span, StreamKind,
     StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
-use rt_gpu::{GpuDevice, Trouble, Tuning};
+use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_sched::sample::Fraction;
 use rt_tests::conformance::clock;
 use rt_verify::rays::RayMaker;
@@ -20,7 +20,7 @@ use std::time::Duration;
 /// Rays of a stream.
 const RAYS: u32 = 6_000;
 
-/// The walk that brings visits back from devices opened with [`Trouble::CountVisits`].
+/// The walk that brings visits back from devices opened with [`FaultInjection::CountVisits`].
 const TELLING: Walk = Walk::Reduced(ReducedWalk::LeafAsHit);
 
 /// The tests of a backend, given its devices.
@@ -73,7 +73,7 @@ fn kernels_visit_each_ray_that_is_asked_for_once(found: &Found) -> Result<(), Fa
     let asked = |ray: u32| u32::from(in_tasks(ray) && !mask.contains(ray));
     let split = Tuning { window: Some(700), persistent_lanes: Some(64), ..Tuning::default() };
     for (tuning, counts) in [(Tuning::default(), false), (split, false), (Tuning::default(), true), (split, true)] {
-        let device = found.backend.enumerate_with(Some(Trouble::CountVisits), tuning)?;
+        let device = found.backend.enumerate_with(Some(FaultInjection::CountVisits), tuning)?;
         let device = device.into_iter().nth(found.position).ok_or("the device is gone")??;
         let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
         let spec = StreamSpec { counts, ..StreamSpec::default() };
@@ -121,7 +121,7 @@ fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
     let (scene, rays) = scene_and_rays()?;
     let eighth = Fraction::new(0.125).ok_or("a fraction")?;
     let opened: Vec<_> =
-        backend.enumerate_with(Some(Trouble::CountVisits), Tuning::default())?.into_iter().flatten().collect();
+        backend.enumerate_with(Some(FaultInjection::CountVisits), Tuning::default())?.into_iter().flatten().collect();
     for queue in [QueueKind::Static, QueueKind::Central, QueueKind::Hybrid] {
         let estimators: [Box<dyn CostEstimator>; 2] = [Box::new(Uniform), Box::new(Sampled::new(Walk::Full, eighth))];
         for estimator in estimators {

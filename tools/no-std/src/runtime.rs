@@ -55,7 +55,7 @@ unsafe impl Sync for Bump {}
 // SAFETY: a successful `fetch_update` gives the range `start..end` of the block, aligned and inside it, to this call
 // alone.
 unsafe impl GlobalAlloc for Bump {
-    // SAFETY: sound whatever the layout.
+    // SAFETY: returns null or a range that fits `layout`, of no size at all too, and that no other call was given.
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let base = self.block.get().cast::<u8>();
         let address = base as usize;
@@ -70,7 +70,7 @@ unsafe impl GlobalAlloc for Bump {
         }
     }
 
-    // SAFETY: does nothing.
+    // SAFETY: does nothing, so nothing is freed twice or in use.
     unsafe fn dealloc(&self, _: *mut u8, _: Layout) {}
 }
 
@@ -131,6 +131,6 @@ unsafe extern "C" fn memcmp(a: *const u8, b: *const u8, bytes: usize) -> i32 {
 // SAFETY: the name, signature and meaning of the C library's function, which is not linked.
 #[unsafe(no_mangle)]
 unsafe extern "C" fn bcmp(a: *const u8, b: *const u8, bytes: usize) -> i32 {
-    // SAFETY: the same contract.
+    // SAFETY: the caller owns `bytes` bytes at both places, which is all that `memcmp` asks.
     unsafe { memcmp(a, b, bytes) }
 }

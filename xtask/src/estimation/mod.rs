@@ -17,13 +17,13 @@ const BALANCED: [&str; 1] = ["yard"];
 
 /// Estimators of the tables, as the benchmark names them.
 const CASES: &str =
-    "uniform,exact 1/8,exact 1/64,exact 1/128,field 1/64,reduced 1/8,reduced 1/1,plane 1/64,adaptive,auto";
+    "uniform,exact 1/8,exact 1/64,exact 1/128,field 1/64,reduced 1/8,reduced 1/1,reduced-plane 1/64,adaptive,auto";
 
 /// How much is measured.
 struct Extent {
-    /// Options of the benchmark `estimation`.
+    /// Options of the program `estimation`.
     errors: &'static [&'static str],
-    /// Options of the benchmark `balance`, for primary and for diffuse rays.
+    /// Options of the program `compare`, for primary and for diffuse rays.
     makespans: [&'static [&'static str]; 2],
     /// Options of `raybalance figure1`.
     figure: &'static [&'static str],
@@ -52,7 +52,7 @@ const QUICK: Extent = Extent {
 pub(crate) fn estimation(quick: bool) -> Result<()> {
     let extent = if quick { QUICK } else { FULL };
     let scenes = scenes(setup()?.scenes.as_deref())?;
-    run(&mut cargo("build --release -p rt-cli -p rt-benches"))?;
+    run(&mut cargo("build --release -p rt-cli -p rt-lab --bins"))?;
     let out = root().join(OUT);
     fs::create_dir_all(&out).with_context(|| format!("cannot create `{}`", out.display()))?;
     let mut tables = format!("`cargo xtask estimation{}`\n", if quick { " --quick" } else { "" });
@@ -73,7 +73,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
             continue;
         };
         for options in extent.makespans {
-            tables.push_str(&output(program("balance").arg(path).args(options))?);
+            tables.push_str(&output(program("compare").arg(path).args(options))?);
             tables.push('\n');
         }
     }

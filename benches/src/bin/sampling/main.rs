@@ -16,6 +16,7 @@ mod ways;
 use backend_cpu::CpuDevice;
 use backend_vulkan::VulkanDevice;
 use options::Options;
+use rt_balance::clock;
 use rt_balance::stats::median;
 use rt_benches::BenchScene;
 use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
@@ -23,7 +24,7 @@ use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use ways::{Sample, Subject, Way};
 
 /// Longest wait for a launch: a software rasteriser on a loaded machine is slow.
@@ -77,16 +78,10 @@ fn open(options: &Options, scene: &Arc<Scene>) -> Result<Box<dyn Tracer>, Box<dy
     if let Some(place) = options.vulkan {
         let found = VulkanDevice::enumerate(backend_vulkan::Options::default())?;
         let device = found.into_iter().nth(place).ok_or_else(|| format!("there is no vulkan:{place}"))??;
-        return Ok(device.tracer(scene, now)?);
+        return Ok(device.tracer(scene, clock)?);
     }
     let devices = CpuDevice::open_all(&[1])?;
-    Ok(devices.first().ok_or("no CPU device")?.tracer(scene, now)?)
-}
-
-/// Time since the first call.
-pub(crate) fn now() -> Duration {
-    static ORIGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    ORIGIN.get_or_init(Instant::now).elapsed()
+    Ok(devices.first().ok_or("no CPU device")?.tracer(scene, clock)?)
 }
 
 /// Measures one fraction of one stream, and prints it.

@@ -179,5 +179,5 @@ fn processor_s() -> f64 {
 
 #[cfg(not(unix))]
 fn processor_s() -> f64 {
-    super::now().as_secs_f64()
+    rt_balance::clock().as_secs_f64()
 }

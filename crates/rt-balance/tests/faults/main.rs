@@ -4,6 +4,7 @@
 
 mod callers;
 mod chaos;
+mod environment;
 mod fixture;
 mod lies;
 mod panics;

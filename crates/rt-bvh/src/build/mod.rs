@@ -21,6 +21,7 @@ use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 /// When an index is not below the number of positions, a coordinate is not finite (unless those triangles are to be
 /// dropped), or there are too many triangles for 32-bit ids.
 pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
+    let _environment = rt_fenv::Environment::enter();
     let gathered = gather::gather(mesh, options.invalid)?;
     let (scene, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1))?;
     let report = BuildReport {

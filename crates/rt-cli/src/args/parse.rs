@@ -1,7 +1,7 @@
 //! Values on the command line: names of the catalogue, fractions, sizes, points, amounts of memory.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
 use std::time::Duration;
 
@@ -48,12 +48,17 @@ pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
     Ok([side(width)?, side(height)?])
 }
 
-pub(super) fn parse_vec3(text: &str) -> Result<Vec3, String> {
-    let parts: Result<Vec<f32>, _> = text.split(',').map(|s| s.trim().parse::<f32>()).collect();
+pub(super) fn parse_point(text: &str) -> Result<DVec3, String> {
+    let parts: Result<Vec<f64>, _> = text.split(',').map(|s| s.trim().parse::<f64>()).collect();
     match parts.as_deref() {
-        Ok(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(Vec3::new(x, y, z)),
+        Ok(&[x, y, z]) if [x, y, z].iter().all(|c| c.is_finite()) => Ok(DVec3::new(x, y, z)),
         _ => Err("write it as three finite numbers, such as 1,1.5,-4".to_owned()),
     }
+}
+
+pub(super) fn parse_vec3(text: &str) -> Result<Vec3, String> {
+    let vector = parse_point(text)?.as_vec3();
+    if vector.is_finite() { Ok(vector) } else { Err("write it as three numbers up to 3e38".to_owned()) }
 }
 
 pub(super) fn parse_bytes(text: &str) -> Result<u64, String> {
@@ -84,7 +89,8 @@ mod tests {
         assert_eq!(parse_size("640x400"), Ok([640, 400]));
         assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
         assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
-        assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err());
+        assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err() && parse_vec3("1,2,1e39").is_err());
+        assert_eq!(parse_point("500000.05, 5412345.312,1e39"), Ok(DVec3::new(500_000.05, 5_412_345.312, 1e39)));
         assert_eq!(parse_bytes("2G"), Ok(2 << 30));
         assert!(parse_bytes("1K").is_err() && parse_bytes("lots").is_err());
     }

@@ -1,9 +1,9 @@
 //! Options of `raybalance render`.
 
-use super::parse::{parse_bytes, parse_size, parse_vec3};
+use super::parse::{parse_bytes, parse_point, parse_size, parse_vec3};
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::path::PathBuf;
 
 #[derive(Debug, Parser)]
@@ -26,19 +26,20 @@ pub(crate) struct RenderArgs {
     /// Frames of a slow orbit about the target
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
-    /// Camera position, such as 1,1.5,4
-    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
-    pub(crate) eye: Option<Vec3>,
-    /// Point the camera looks at
-    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
-    pub(crate) target: Option<Vec3>,
+    /// Camera position in the coordinates of the file, such as 1,1.5,4
+    #[arg(long, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) eye: Option<DVec3>,
+    /// Point the camera looks at, likewise
+    #[arg(long, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    pub(crate) target: Option<DVec3>,
     /// Which way is up
     #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) up: Option<Vec3>,
     /// Vertical field of view in degrees
     #[arg(long, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
-    /// Memory for rays and hits in flight, such as 512M or 2G; larger streams run in waves
+    /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene, 12 bytes
+    /// a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
     #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
     pub(crate) memory: u64,
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known

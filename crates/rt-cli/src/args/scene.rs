@@ -8,7 +8,7 @@ use rt_lab::DEFAULT_BUILDER;
 /// Where the scene comes from and how its tree is built.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct SceneArgs {
-    /// Leave out triangles with NaN or infinite vertices instead of refusing the file
+    /// Leave out faces that are malformed, or that use a vertex which is, instead of refusing the file
     #[arg(long)]
     pub(crate) drop_invalid: bool,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow

@@ -12,7 +12,7 @@ pub(crate) struct TraceArgs {
     pub(crate) source: SceneArgs,
     #[command(flatten)]
     pub(crate) balance: BalanceArgs,
-    /// Rays: N×8 little-endian float32 NumPy array (ox oy oz tmin dx dy dz tmax)
+    /// Rays: N×8 little-endian float32 or float64 NumPy array (ox oy oz tmin dx dy dz tmax) in the file's coordinates
     #[arg(long, value_name = "FILE")]
     pub(crate) rays: PathBuf,
     /// Hits to write: N×4 float32 (t, u, v, bits of the primitive id; a miss has t = inf and id 0xffffffff)

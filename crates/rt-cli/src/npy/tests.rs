@@ -23,8 +23,14 @@ fn some_rays(count: usize) -> Vec<Ray> {
     (0..count).map(|i| Ray::new(Vec3::splat(i as f32), Vec3::Z).with_range(0.5, f32::INFINITY)).collect()
 }
 
+fn parse_rays(file: &[u8], offset: DVec3) -> Result<Vec<Ray>> {
+    RayFile::new(file, "rays.npy".to_owned())?.read(offset)
+}
+
 fn refusal(file: &[u8]) -> String {
-    format!("{:#}", parse_rays(&mut &file[..]).expect_err("must be refused"))
+    let message = format!("{:#}", parse_rays(file, DVec3::ZERO).expect_err("must be refused"));
+    assert!(message.contains("rays.npy"), "{message}");
+    message
 }
 
 #[test]
@@ -33,15 +39,39 @@ fn rays_keep_every_bit() {
     let mut rays = some_rays(CHUNK + 3);
     rays[7].tmin = f32::from_bits(0x7f80_0001);
     let shape = format!("({}, 8)", rays.len());
-    let read = parse_rays(&mut &npy(&dict("<f4", "False", &shape), bytes_of(&rays))[..]).unwrap();
+    let read = parse_rays(&npy(&dict("<f4", "False", &shape), bytes_of(&rays)), DVec3::ZERO).unwrap();
     assert_eq!(bytes_of(&read), bytes_of(&rays));
-    assert!(parse_rays(&mut &npy(&dict("<f4", "False", "(0, 8)"), &[])[..]).unwrap().is_empty());
+    assert!(parse_rays(&npy(&dict("<f4", "False", "(0, 8)"), &[]), DVec3::ZERO).unwrap().is_empty());
+}
+
+/// Fails when origins are rounded before the offset is subtracted.
+#[test]
+fn origins_in_double_precision_keep_their_digits_relative_to_the_offset() {
+    let offset = DVec3::new(500_000.0, 5_412_345.312_5, 0.0);
+    let rows: Vec<[f64; 8]> = (0..CHUNK + 3)
+        .map(|i| [500_000.05, 5_412_345.25 + i as f64 * 1e-5, 200.0, 0.125, 0.0, 0.0, -1.0, f64::INFINITY])
+        .collect();
+    let file = npy(&dict("<f8", "False", &format!("({}, 8)", rows.len())), bytemuck::cast_slice(&rows));
+    let rays = parse_rays(&file, offset).unwrap();
+    assert_eq!(rays.len(), rows.len());
+    for (ray, row) in rays.iter().zip(&rows) {
+        let wanted = DVec3::new(row[0], row[1], row[2]);
+        assert!((ray.origin.as_dvec3() + offset - wanted).abs().max_element() < 1e-8, "{ray:?} for {wanted}");
+        assert_eq!((ray.tmin, ray.direction, ray.tmax), (0.125, Vec3::NEG_Z, f32::INFINITY));
+    }
+    // Those in single precision are in the same coordinates.
+    let ray = [Ray::new(Vec3::new(500_000.0, 5_412_345.5, 1.0), Vec3::Z)];
+    let read = parse_rays(&npy(&dict("<f4", "False", "(1, 8)"), bytes_of(&ray)), offset).unwrap();
+    assert_eq!(read[0].origin, Vec3::new(0.0, 0.187_5, 1.0));
+    assert!(refusal(&file[..file.len() - 1]).contains("promises"));
 }
 
 #[test]
 fn other_arrays_are_refused_with_what_was_found_and_what_to_do() {
     for (descr, fortran, shape, found, advice) in [
-        ("<f8", "False", "(2, 8)", "'<f8'", "astype('<f4')"),
+        (">f8", "False", "(2, 8)", "'>f8'", "astype('<f4')"),
+        ("<i4", "False", "(2, 8)", "'<i4'", "astype('<f4')"),
+        ("<f8", "False", "(2, 6)", "[2, 6]", "tmin"),
         (">f4", "False", "(2, 8)", "'>f4'", "astype('<f4')"),
         ("<f4", "False", "(2, 6)", "[2, 6]", "tmin"),
         ("<f4", "False", "(16,)", "[16]", "reshape(-1, 8)"),
@@ -95,7 +125,7 @@ fn garbage_is_refused_or_read_but_never_panics() {
             let place = next() as usize % broken.len();
             broken[place] = alphabet[next() as usize % alphabet.len()];
         }
-        let _ = parse_rays(&mut &broken[..]);
+        let _ = parse_rays(&broken, DVec3::ZERO);
     }
 }
 

@@ -10,7 +10,7 @@ use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::devices::{CardOptions, Opened, Opener};
 use rt_report::output;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use streams::BenchScene;
 
@@ -75,7 +75,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     }
     for name in &scenes {
         let prepared = (lab.scenes)(name)?;
-        let scene = BenchScene::new(&prepared, Path::new(name))?;
+        let scene = BenchScene::new(&prepared);
         let described = SceneResult {
             source: prepared.model.source.clone(),
             triangles: prepared.model.indices.len(),

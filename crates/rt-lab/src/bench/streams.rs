@@ -5,11 +5,10 @@ use glam::Vec3;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rt_core::bounce::Departure;
 use rt_core::{BounceRays, Hit, Query, Ray, RaySource, Scene, StreamSpec, random};
+use rt_scene::View;
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{self, Paths, Wave};
-use rt_scene::{View, view};
 use std::f32::consts::TAU;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Rays of one kind.
@@ -32,11 +31,9 @@ pub(crate) struct BenchScene<'a> {
 const MOST_ROUNDS: u32 = 64;
 
 impl<'a> BenchScene<'a> {
-    /// Seen as its model says, or `cameras.tsv` beside its file, or as `render` would show it.
-    pub(crate) fn new(prepared: &'a Prepared, path: &Path) -> Result<Self> {
-        let model = &prepared.model;
-        let view = model.view.or_else(|| view::listed(path)).unwrap_or_else(|| prepared.view());
-        Ok(Self { prepared, tree: Arc::clone(&prepared.built.scene), view })
+    /// Seen as `render` shows it.
+    pub(crate) fn new(prepared: &'a Prepared) -> Self {
+        Self { prepared, tree: Arc::clone(&prepared.built.scene), view: prepared.view() }
     }
 
     /// `rays` rays of each kind: primary ones fill a square picture, rounded up to whole rows. Kinds that the scene has
@@ -109,8 +106,8 @@ mod tests {
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
-        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut |_| {}).unwrap();
-        let scene = BenchScene::new(&prepared, Path::new("car")).unwrap();
+        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched).unwrap();
+        let scene = BenchScene::new(&prepared);
         let rays = scene.streams(1000, 1).unwrap();
         assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);
         // 32 × 32 pixels.

@@ -1,13 +1,12 @@
 //! The measurements: every configuration in turn, round after round.
 
+use crate::contenders::{self, Contender, Estimate};
 use crate::subject::Subject;
 use anyhow::{Context, Result};
 use rt_balance::catalogue::Estimator;
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_balance::stats::Summary;
-use rt_balance::{QueueKind, Scheduling, Stream};
-use rt_sched::estimate::Uniform;
-use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
+use rt_balance::{Scheduling, Stream};
 use serde::Serialize;
 
 /// One scene and kind of rays.
@@ -55,36 +54,6 @@ pub(crate) struct Ratio {
     pub(crate) ratio: Summary,
 }
 
-/// One kind of bar.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Config {
-    pub(crate) name: &'static str,
-    queue: QueueKind,
-    policy: Option<Dealt>,
-    cost_initialised: bool,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Dealt {
-    Blocks,
-    InTurn,
-    Lpt,
-}
-
-impl Dealt {
-    fn policy(self) -> Box<dyn Policy> {
-        match self {
-            Self::Blocks => Box::new(Block),
-            Self::InTurn => Box::new(RoundRobin),
-            Self::Lpt => Box::new(Lpt),
-        }
-    }
-}
-
-const fn config(name: &'static str, queue: QueueKind, policy: Option<Dealt>, cost_initialised: bool) -> Config {
-    Config { name, queue, policy, cost_initialised }
-}
-
 pub(crate) const BLOCKS: usize = 0;
 pub(crate) const ROUND_ROBIN: usize = 1;
 pub(crate) const STATIC_COST: usize = 2;
@@ -92,12 +61,12 @@ pub(crate) const CENTRAL: usize = 3;
 pub(crate) const CENTRAL_COST: usize = 4;
 
 /// The bars of the figure.
-pub(crate) const CONFIGS: [Config; 5] = [
-    config("static blocks", QueueKind::Static, Some(Dealt::Blocks), false),
-    config("static round robin", QueueKind::Static, Some(Dealt::InTurn), false),
-    config("static LPT, cost-initialised", QueueKind::Static, Some(Dealt::Lpt), true),
-    config("central", QueueKind::Central, None, false),
-    config("central, cost-initialised", QueueKind::Central, None, true),
+pub(crate) const CONFIGS: [Contender; 5] = [
+    contenders::BLOCKS,
+    contenders::ROUND_ROBIN,
+    contenders::STATIC_COST,
+    contenders::CENTRAL,
+    contenders::CENTRAL_COST,
 ];
 
 /// The regular configurations that each one is compared with.
@@ -185,9 +154,9 @@ impl Plan<'_> {
         let replay = Replay { speeds: &speeds, task_s, launch_s: seen.launch_s };
         let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
         Ok(CONFIGS.map(|config| {
-            let policy = config.policy.map(Dealt::policy);
+            let policy = config.policy();
             let queue = policy.as_deref().map_or(Queue::Central, Queue::Static);
-            if config.cost_initialised {
+            if config.estimate == Estimate::Asked {
                 replay.cost_initialised(queue, &seen)
             } else {
                 (replay.regular(queue, &rays), 0.0)
@@ -195,12 +164,9 @@ impl Plan<'_> {
         }))
     }
 
-    fn scheduling(&self, config: &Config) -> Scheduling {
-        let estimator = if config.cost_initialised { self.estimate.make() } else { Box::new(Uniform) };
-        let policy = config.policy.map(Dealt::policy);
+    fn scheduling(&self, config: &Contender) -> Scheduling {
         // The question is what an estimate gives, not whether it pays.
-        let blind_excess = Some(1.0);
-        Scheduling { estimator, policy, queue: config.queue, blind_excess, ..Scheduling::default() }
+        Scheduling { blind_excess: Some(1.0), ..config.scheduling(self.estimate) }
     }
 }
 
@@ -212,8 +178,8 @@ fn series(index: usize, rounds: &[[Times; CONFIGS.len()]]) -> Series {
         |&other: &usize| Ratio { over: CONFIGS[other].name, ratio: Summary::of_ratios(&total_s, &totals(other)) };
     Series {
         queue: config.queue.name(),
-        policy: config.policy.map(|dealt| dealt.policy().name()),
-        cost_initialised: config.cost_initialised,
+        policy: config.policy,
+        cost_initialised: config.estimate == Estimate::Asked,
         total: Summary::new(&total_s),
         estimate: Summary::new(&estimate_s),
         ratios: AGAINST[index].iter().map(ratio).collect(),

@@ -5,6 +5,7 @@ use super::canvas::Rgb;
 use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
 use super::sheet::{BLUE, FAINT, HPos, Look, ORANGE, PALE, SKY, Sheet, VERMILION};
 use crate::output::write_atomically;
+use crate::table::longest;
 use anyhow::Result;
 use rt_balance::report::{ActivityKind, StreamRun};
 use std::path::Path;
@@ -50,7 +51,7 @@ pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
 /// # Errors
 /// When it cannot be drawn.
 pub fn draw(runs: &[StreamRun]) -> Result<String> {
-    let shown = longest(runs);
+    let shown = longest(runs, MOST_PANELS);
     let panels: Vec<Panel<'_>> = shown.iter().map(|run| Panel::new(run)).collect();
     let height = HEADER + panels.iter().map(Panel::height).sum::<f64>() + MARGIN;
     let mut sheet = Sheet::new(WIDTH, height);
@@ -61,15 +62,6 @@ pub fn draw(runs: &[StreamRun]) -> Result<String> {
         top += panel.height();
     }
     sheet.to_svg()
-}
-
-/// The streams with the longest makespans, in their own order.
-fn longest(runs: &[StreamRun]) -> Vec<&StreamRun> {
-    let mut order: Vec<usize> = (0..runs.len()).collect();
-    order.sort_by(|&a, &b| runs[b].report.makespan_s.total_cmp(&runs[a].report.makespan_s));
-    order.truncate(MOST_PANELS);
-    order.sort_unstable();
-    order.into_iter().map(|index| &runs[index]).collect()
 }
 
 fn header(sheet: &mut Sheet, shown: usize, all: usize) {

@@ -1,12 +1,11 @@
 //! The cost maps of a page: estimated beside measured time of every task, read out under the pointer.
 
 use super::{Page, escaped};
-use crate::chart::cost::tasks_per_pixel;
+use crate::chart::cost::CostMap;
 use crate::chart::duration;
 use rt_balance::report::StreamRun;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-use std::sync::Arc;
 
 /// Share of the tasks that the colours tell apart, without a unit; the most expensive ones share the last colour.
 const SHOWN_SHARE: f64 = 0.995;
@@ -14,28 +13,20 @@ const SHOWN_SHARE: f64 = 0.995;
 /// Colours of the scale: as many as eight bits tell apart.
 const COLOURS: u32 = 256;
 
-/// The primary rays of one picture, wave by wave.
-pub(super) struct CostMap<'a> {
-    /// Width and height in pixels.
-    pub(super) size: [u32; 2],
-    /// Rays per pixel.
-    pub(super) samples: u32,
-    pub(super) waves: Vec<Wave<'a>>,
+/// The primary rays of one picture.
+pub(super) struct Costs<'a> {
+    /// Which task is where.
+    pub(super) map: &'a CostMap,
+    /// One for each wave, in the order in which they were added to the map.
+    pub(super) runs: Vec<&'a StreamRun>,
+    /// Estimated seconds of a run's tasks, on the measured scale.
+    pub(super) estimated: fn(&StreamRun) -> Vec<f64>,
 }
 
-/// A part of the picture that was traced as one stream.
-pub(super) struct Wave<'a> {
-    pub(super) run: &'a StreamRun,
-    /// Each `x | y << 16`.
-    pub(super) pixels: &'a Arc<[u32]>,
-    /// Estimated seconds of each task, on the measured scale.
-    pub(super) estimated: Vec<f64>,
-}
-
-impl CostMap<'_> {
+impl Costs<'_> {
     /// Adds the maps to a page.
     pub(super) fn add_to(&self, page: &mut Page) {
-        let [width, height] = self.size;
+        let [width, height] = self.map.size();
         let (data, top_ns) = self.data();
         // A `<` could end the script's element.
         let data = data.to_string().replace('<', "\\u003c");
@@ -64,21 +55,17 @@ impl CostMap<'_> {
 
     /// What the page's script needs, and the cost of the last colour in nanoseconds per ray.
     fn data(&self) -> (Value, f64) {
+        let [width, height] = self.map.size();
+        let task_of: Vec<u32> = self.map.tasks().collect();
         let mut first = 0;
-        let mut waves = Vec::new();
-        let pixels = self.size[0] as usize * self.size[1] as usize;
-        let mut task_of = vec![u32::MAX; pixels];
-        for Wave { run, pixels, .. } in &self.waves {
-            waves.push(first);
-            for (all, own) in task_of.iter_mut().zip(tasks_per_pixel(self.size, pixels, self.samples, &run.tasks)) {
-                if own != u32::MAX {
-                    *all = first + own;
-                }
-            }
-            first += run.tasks.len() as u32;
-        }
-        let runs = || self.waves.iter().map(|wave| wave.run);
-        let estimated: Vec<f64> = self.waves.iter().flat_map(|wave| wave.estimated.iter().copied()).collect();
+        let first_of = |run: &&StreamRun| {
+            let own = first;
+            first += run.tasks.len();
+            own
+        };
+        let waves: Vec<usize> = self.runs.iter().map(first_of).collect();
+        let runs = || self.runs.iter();
+        let estimated: Vec<f64> = runs().flat_map(|run| (self.estimated)(run)).collect();
         let measured: Vec<f64> = runs().flat_map(|run| run.measured_s.iter().copied()).collect();
         let left: Vec<u32> =
             runs().flat_map(|run| run.tasks.iter().zip(&run.kept).map(|(task, kept)| task.rays - kept)).collect();
@@ -89,10 +76,10 @@ impl CostMap<'_> {
         };
         let devices = runs().next().map(|run| run.report.devices.iter().map(|d| d.name.clone()).collect::<Vec<_>>());
         let data = json!({
-            "width": self.size[0], "height": self.size[1], "top_ns": top_ns, "waves": waves,
+            "width": width, "height": height, "top_ns": top_ns, "waves": waves,
             "colours": (0..COLOURS).map(colour).collect::<String>(),
             "devices": devices.unwrap_or_default(),
-            "rows": rows(&task_of, self.size[0] as usize),
+            "rows": rows(&task_of, width as usize),
             "tasks": {
                 "rays": runs().flat_map(|run| run.tasks.iter().map(|t| t.rays)).collect::<Vec<_>>(),
                 "kept": runs().flat_map(|run| run.kept.iter().copied()).collect::<Vec<_>>(),

@@ -1,7 +1,8 @@
 //! The page of `raybalance render`.
 
 use super::Page;
-use super::cost_map::{CostMap, Wave};
+use super::cost_map::Costs;
+use crate::chart::cost::CostMap;
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
 use crate::{Machine, command_line, table};
@@ -9,7 +10,6 @@ use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
 use std::path::Path;
-use std::sync::Arc;
 
 /// What the page shows.
 #[derive(Debug)]
@@ -18,8 +18,8 @@ pub struct Rendered<'a> {
     pub report: &'a Report,
     /// The streams, in the order of the report.
     pub runs: &'a [StreamRun],
-    /// The pixels of each wave.
-    pub waves: &'a [Arc<[u32]>],
+    /// Which tasks of the first frame's primary rays are where.
+    pub map: &'a CostMap,
     /// Width and height of the picture in pixels.
     pub size: [u32; 2],
     /// Rays per pixel.
@@ -56,7 +56,7 @@ impl Rendered<'_> {
              measured total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to \
              task.",
         );
-        self.cost_map().add_to(&mut page);
+        self.costs().add_to(&mut page);
 
         page.section("Estimate against measurement");
         page.chart(
@@ -101,10 +101,9 @@ impl Rendered<'_> {
     }
 
     /// The first frame's primary rays.
-    fn cost_map(&self) -> CostMap<'_> {
+    fn costs(&self) -> Costs<'_> {
         let first = self.runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
-        let waves = first.zip(self.waves).map(|(run, pixels)| Wave { run, pixels, estimated: (self.estimated)(run) });
-        CostMap { size: self.size, samples: self.samples, waves: waves.collect() }
+        Costs { map: self.map, runs: first.collect(), estimated: self.estimated }
     }
 
     /// One panel for each kind of rays, over all frames and waves.

@@ -1,136 +1,128 @@
 //! Why a file could not be loaded.
 
+use crate::memory::NoMemory;
+use crate::progress::Stopped;
 use std::error::Error;
 use std::fmt;
 use std::io;
 
-/// Why an OBJ file could not be loaded. Every message names the file, the line where there is one, and the remedy.
+/// Why a file could not be loaded. The message names the file, the line where there is one, and the remedy.
+#[derive(Debug)]
+pub struct LoadError {
+    /// The file.
+    pub file: String,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+/// What is wrong with a file.
 #[derive(Debug)]
 #[non_exhaustive]
-pub enum LoadError {
-    /// The file cannot be opened or read, or is a directory.
-    Read {
-        /// The file.
-        file: String,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The file is binary, or holds neither vertices nor faces.
-    NotObj {
-        /// The file.
-        file: String,
-        /// What it looks like instead.
-        looks_like: &'static str,
-    },
-    /// The file has no face, so there is nothing to trace.
+pub enum Fault {
+    /// It cannot be opened or read, or is a directory.
+    Read(io::Error),
+    /// It is no OBJ file: what it looks like instead.
+    NotObj(&'static str),
+    /// It has no face, so there is nothing to trace.
     NoTriangles {
-        /// The file.
-        file: String,
         /// Number of vertices.
         vertices: u64,
     },
-    /// A `v` statement with fewer than three coordinates.
-    Vertex {
-        /// The file.
-        file: String,
+    /// A statement means nothing. [`super::LoadOptions::drop_invalid`] leaves out the faces concerned.
+    Defect {
         /// Line of the statement, from 1.
         line: u64,
-        /// Number of coordinates found.
-        found: usize,
-    },
-    /// Something else where a number belongs.
-    Number {
-        /// The file.
-        file: String,
-        /// Line of the statement, from 1.
-        line: u64,
-        /// What stands there, shortened.
-        text: String,
-    },
-    /// An `f` statement with fewer than three corners.
-    Face {
-        /// The file.
-        file: String,
-        /// Line of the statement, from 1.
-        line: u64,
-        /// Number of corners found.
-        corners: usize,
-    },
-    /// A face refers to a vertex that does not exist.
-    Index {
-        /// The file.
-        file: String,
-        /// Line of the statement, from 1.
-        line: u64,
-        /// The index as it stands in the file, shortened.
-        index: String,
-        /// Number of vertices it could refer to: all of the file, or for a negative index those above its line.
-        vertices: u64,
-    },
-    /// Vertices are NaN, infinite or beyond single precision.
-    NotFinite {
-        /// The file.
-        file: String,
-        /// Line of the first such vertex, from 1.
-        line: u64,
-        /// Number of such vertices.
-        count: u64,
+        /// What is wrong with it.
+        defect: Defect,
     },
     /// There is more of something than ids can number.
-    TooLarge {
-        /// The file.
-        file: String,
+    TooMany {
         /// Triangles or vertices.
         what: &'static str,
         /// How many are accepted.
         limit: u32,
     },
-    /// The parser refused a text that passed every check: a defect of this loader.
-    Parser {
-        /// The file.
-        file: String,
-        /// What the parser said.
-        message: String,
+    /// The system refused the memory.
+    Memory {
+        /// Bytes of the list that could not be made or grown.
+        bytes: u64,
+    },
+    /// The caller's watch said to stop.
+    Stopped,
+}
+
+/// What is wrong with a statement.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Defect {
+    /// A `v` statement with fewer than three coordinates: so many.
+    Coordinates(usize),
+    /// An `f` statement with fewer than three corners: so many.
+    Corners(usize),
+    /// Something else where a number belongs.
+    Number {
+        /// What stands there, shortened.
+        text: String,
+        /// What that may come from, in brackets; empty where nothing is known.
+        hint: &'static str,
+    },
+    /// A face refers to a vertex that does not exist.
+    Index {
+        /// The index as it stands in the file, shortened.
+        index: String,
+        /// Number of vertices that it could refer to: all of the file, or for a negative index those above its line.
+        vertices: u64,
+    },
+    /// A face uses a vertex that is not a number, infinite, or beyond single precision.
+    NotFinite {
+        /// Number of such vertices in the file.
+        vertices: u64,
     },
 }
 
 impl fmt::Display for LoadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Read { file, .. } if file.is_empty() => write!(f, "no file name was given: name an OBJ file"),
-            Self::Read { file, source } => match source.kind() {
+        let file = &self.file;
+        match &self.fault {
+            Fault::Read(_) if file.is_empty() => write!(f, "no file name was given: name an OBJ file"),
+            Fault::Read(error) => match error.kind() {
                 io::ErrorKind::NotFound => write!(f, "{file}: no such file: check the path"),
                 io::ErrorKind::IsADirectory => write!(f, "{file}: is a directory: name an OBJ file in it"),
-                _ => write!(f, "{file}: cannot be read ({source}): check the file and its permissions"),
+                _ => write!(f, "{file}: cannot be read ({error}): check the file and its permissions"),
             },
-            Self::NotObj { file, looks_like } => {
+            Fault::NotObj(looks_like) => {
                 write!(f, "{file}: not an OBJ file, {looks_like}: export the model as Wavefront OBJ text")
             }
-            Self::NoTriangles { file, vertices } => {
+            Fault::NoTriangles { vertices } => {
                 write!(f, "{file}: no faces ({vertices} vertices): export the model with its surfaces, as polygons")
             }
-            Self::Vertex { file, line, found } => {
-                write!(f, "{file}:{line}: a vertex with {found} coordinates: write 'v x y z'")
+            Fault::Defect { line, defect } => {
+                write!(f, "{file}:{line}: {defect}: correct it, or load the file without the faces concerned")
             }
-            Self::Number { file, line, text } => write!(f, "{file}:{line}: '{text}' is not a number: correct the line"),
-            Self::Face { file, line, corners } => {
-                write!(f, "{file}:{line}: a face with {corners} corners: a face needs 3 or more; correct or remove it")
-            }
-            Self::Index { file, line, index, vertices } => write!(
-                f,
-                "{file}:{line}: index {index} does not lead to one of the {vertices} vertices: indices count from 1, \
-                 or from -1 backwards; correct the line or export again"
-            ),
-            Self::NotFinite { file, line, count } => write!(
-                f,
-                "{file}:{line}: a coordinate is not a finite single-precision number ({count} such vertices in all): \
-                 repair the file, or load it without the triangles that use them"
-            ),
-            Self::TooLarge { file, what, limit } => {
+            Fault::TooMany { what, limit } => {
                 write!(f, "{file}: more than {limit} {what}: split the model or reduce it")
             }
-            Self::Parser { file, message } => {
-                write!(f, "{file}: the OBJ parser gave up ({message}): please report this file")
+            Fault::Memory { bytes } => {
+                write!(f, "{file}: the system refused {bytes} bytes of memory: free some, or reduce the model")
+            }
+            Fault::Stopped => write!(f, "{file}: loading was stopped"),
+        }
+    }
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Coordinates(found) => write!(f, "a vertex with {found} coordinates instead of 3"),
+            Self::Corners(found) => write!(f, "a face with {found} corners, of 3 or more that it needs"),
+            Self::Number { text, hint } => write!(f, "'{text}' is not a number{hint}"),
+            Self::Index { index, vertices } => write!(
+                f,
+                "index {index} does not lead to one of the {vertices} vertices (indices count from 1, or from -1 backwards)"
+            ),
+            Self::NotFinite { vertices } => {
+                write!(f, "a vertex that faces use is not three finite single-precision numbers")?;
+                if *vertices > 1 { write!(f, " ({vertices} such vertices in all)") } else { Ok(()) }
             }
         }
     }
@@ -138,9 +130,28 @@ impl fmt::Display for LoadError {
 
 impl Error for LoadError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
-        match self {
-            Self::Read { source, .. } => Some(source),
+        match &self.fault {
+            Fault::Read(error) => Some(error),
             _ => None,
         }
+    }
+}
+
+impl Fault {
+    /// The error for `file`.
+    pub(crate) fn of(self, file: &str) -> LoadError {
+        LoadError { file: file.to_owned(), fault: self }
+    }
+}
+
+impl From<NoMemory> for Fault {
+    fn from(refused: NoMemory) -> Self {
+        Self::Memory { bytes: refused.bytes }
+    }
+}
+
+impl From<Stopped> for Fault {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
     }
 }

@@ -1,28 +1,38 @@
 //! Loading Wavefront OBJ files.
 //!
-//! The parser is the crate `tobj`. Between the file and the parser stands a pre-pass (`clean`), because `tobj` 4.0.5
-//! has no line numbers in its errors, refuses Latin-1 comments and `\` continuations, makes triangles of points and
-//! lines, and panics on some broken input. The pre-pass hands it only what this project uses: positions, faces without
-//! texture and normal indices, and materials.
+//! What is read of the format, and what becomes of the rest, is listed in `docs/obj.md`. In short: vertices, faces and
+//! diffuse colours. All groups and objects of a file become one model, in file order; vertices that no face uses are not kept.
 //!
-//! Polygons become triangle fans, and all groups and objects of a file become one model, in file order. A triangle's
-//! primitive id is its position in that order. Vertices that no face uses are not kept, and a vertex shared by faces
-//! of different materials is kept once for each.
+//! **Ids.** A face of `n` corners has `n − 2` triangles, whose primitive ids follow each other, and those of the next
+//! face follow on them: in a file of triangles the id is the number of the `f` statement, counted from 0, and in a file of
+//! quadrilaterals its half. That holds whatever shape the polygons have, and with faces that are left out. Where the fan
+//! from a polygon's first corner covers it, its triangles are that fan, in order (`polygon`).
+//!
+//! **Digits.** Coordinates are read in double precision. Where single precision would move vertices by more than a
+//! millionth of the model's extent, an offset is subtracted first (`place`): [`Model::offset`].
+//!
+//! A file passes through `text` (its encoding), `statement` (its lines), `geometry` (vertices and faces), `material` and
+//! `place` (single precision).
 
-mod clean;
-mod diagnose;
 mod error;
+mod geometry;
 mod material;
-mod progress;
+mod number;
+mod place;
+mod polygon;
 mod statement;
+mod text;
 
-pub use error::LoadError;
-pub use progress::{LoadProgress, LoadStage};
+pub use crate::progress::{LoadProgress, LoadStage, Watch, unwatched};
+pub use error::{Defect, Fault, LoadError};
 
 use crate::Model;
-use glam::Vec3;
-use material::Materials;
-use progress::Counted;
+use crate::memory::grow;
+use crate::progress::Meter;
+use geometry::{Geometry, Noticed};
+use glam::DVec3;
+use place::Placed;
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
@@ -30,9 +40,9 @@ use std::path::Path;
 /// What a loader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// Accept vertices that are NaN, infinite or beyond single precision. Their triangles stay in [`Model::indices`],
-    /// so that every other triangle keeps its number; the builder of the tree leaves them out. Otherwise such a file
-    /// is an error.
+    /// Leave out faces with a [`Defect`], or that use a vertex with one. Their triangles stay in [`Model::indices`] with a
+    /// vertex that is not finite, so that every other triangle keeps its number; the builder of the tree leaves them
+    /// out. Otherwise such a file is an error.
     pub drop_invalid: bool,
     /// Most triangles accepted. Ids have 32 bits and `u32::MAX` means "none", hence the default of `u32::MAX − 1`.
     pub max_triangles: u32,
@@ -53,30 +63,29 @@ pub struct Loaded {
     pub skipped_points: u64,
     /// Number of lines (`l` statements) that were skipped.
     pub skipped_lines: u64,
-    /// Number of `v` statements that are not finite in single precision; above 0 only with
-    /// [`LoadOptions::drop_invalid`] and when a face uses one of them.
-    pub invalid_vertices: u64,
-    /// Number of triangles that use such a vertex.
-    pub invalid_triangles: u64,
-    /// What else the user should know, one sentence each: materials that could not be read.
+    /// Number of faces that are left out: above 0 only with [`LoadOptions::drop_invalid`].
+    pub left_out: u64,
+    /// How far single precision would have moved vertices of the model, in its units, but for [`Model::offset`]; 0 where
+    /// that is 0.
+    pub moved: f64,
+    /// What else the user should know, one sentence each, which begins with the name of a file.
     pub warnings: Vec<String>,
+    /// What was done with the file's numbers, likewise.
+    pub notes: Vec<String>,
 }
 
 /// Loads the OBJ file at `path`, with the material files that it names where they can be read.
 ///
-/// Needs about nine times the file's size in memory while it runs, the parser's lists included. `progress` is called every few megabytes.
+/// Needs about twice the file's size in memory while it runs. `watch` is called every megabyte or 65,536 vertices.
 ///
 /// # Errors
-/// When the file cannot be read, is not an OBJ file, or has defects; the error names the file and the line.
-pub fn load_obj(
-    path: &Path,
-    options: &LoadOptions,
-    progress: &mut dyn FnMut(LoadProgress),
-) -> Result<Loaded, LoadError> {
+/// When the file cannot be read, is not an OBJ file, or has defects; when the system refuses memory; when `watch` breaks.
+pub fn load_obj(path: &Path, options: &LoadOptions, watch: &mut Watch<'_>) -> Result<Loaded, LoadError> {
     let name = path.display().to_string();
-    let bytes = read_file(path, progress).map_err(|source| LoadError::Read { file: name.clone(), source })?;
+    let bytes = read_file(path, watch).map_err(|fault| fault.of(&name))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    load_obj_from(&bytes, &name, options, &|file| material::read_beside(folder, file), progress)
+    load(bytes.into(), &name, options, &|file| material::read_beside(folder, file), watch)
+        .map_err(|fault| fault.of(&name))
 }
 
 /// Loads an OBJ file that is already in memory.
@@ -91,73 +100,123 @@ pub fn load_obj_from(
     name: &str,
     options: &LoadOptions,
     materials: &dyn Fn(&str) -> io::Result<Vec<u8>>,
-    progress: &mut dyn FnMut(LoadProgress),
+    watch: &mut Watch<'_>,
 ) -> Result<Loaded, LoadError> {
-    let clean = clean::clean(bytes, name, options, progress)?;
-    let library = Materials::new(materials);
-    // Only the fan triangulation is wanted of the parser; points and lines no longer occur in the clean text.
-    let parser = tobj::LoadOptions { triangulate: true, ..tobj::LoadOptions::default() };
-    let (meshes, colours) = {
-        let text = clean.vertices.as_slice().chain(clean.faces.as_slice());
-        let mut reader = Counted::new(text, clean.bytes(), progress);
-        tobj::load_obj_buf(&mut reader, &parser, |file| library.load(file))
-            .map_err(|error| diagnose::parser_error(bytes, name, error))?
-    };
-    let mut loaded = join(name, &meshes)?;
-    loaded.model.palette = library.palette(&colours.unwrap_or_default());
-    loaded.skipped_points = clean.points;
-    loaded.skipped_lines = clean.lines;
-    loaded.warnings = library.into_warnings();
-    check_vertices(bytes, name, options, &mut loaded)?;
-    Ok(loaded)
+    load(bytes.into(), name, options, materials, watch).map_err(|fault| fault.of(name))
 }
 
-/// Puts the parser's meshes, one for each run of faces with one material, behind each other.
-fn join(name: &str, meshes: &[tobj::Model]) -> Result<Loaded, LoadError> {
-    let mut model = Model { source: name.to_owned(), ..Model::default() };
-    let coloured = meshes.iter().any(|part| part.mesh.material_id.is_some());
-    for mesh in meshes.iter().map(|part| &part.mesh) {
-        let too_large = || LoadError::TooLarge { file: name.to_owned(), what: "vertices", limit: u32::MAX };
-        let base = u32::try_from(model.positions.len()).map_err(|_| too_large())?;
-        base.checked_add(u32::try_from(mesh.positions.len() / 3).map_err(|_| too_large())?).ok_or_else(too_large)?;
-        model.positions.extend(mesh.positions.chunks_exact(3).map(Vec3::from_slice));
-        model.indices.extend(mesh.indices.chunks_exact(3).map(|i| [base + i[0], base + i[1], base + i[2]]));
-        if coloured {
-            model.colour_of.resize(model.indices.len(), material::colour_index(mesh.material_id));
+fn load(
+    bytes: Cow<'_, [u8]>,
+    name: &str,
+    options: &LoadOptions,
+    materials: &dyn Fn(&str) -> io::Result<Vec<u8>>,
+    watch: &mut Watch<'_>,
+) -> Result<Loaded, Fault> {
+    let text = text::decode(bytes)?;
+    let geometry = geometry::parse(&text, options, watch)?;
+    if geometry.triangles.is_empty() {
+        return Err(match geometry.vertices.len() {
+            0 if geometry.left_out.faces == 0 => Fault::NotObj(text::looks_like(&text)),
+            vertices => Fault::NoTriangles { vertices: vertices as u64 },
+        });
+    }
+    let colours = material::colour(&geometry.uses, name, geometry.triangles.len(), materials)?;
+    // The longest list of all is not needed any more.
+    let mut geometry = geometry.without_text();
+    drop(text);
+    let placed = place::place(&mut geometry, options, watch)?;
+    let mut warnings = warnings(name, &geometry, &placed);
+    warnings.extend(colours.warnings);
+    let notes = offset_note(name, &placed).into_iter().collect();
+    Ok(Loaded {
+        skipped_points: geometry.points,
+        skipped_lines: geometry.lines,
+        left_out: geometry.left_out.faces + placed.invalid,
+        moved: placed.moved,
+        warnings,
+        notes,
+        model: Model {
+            source: name.to_owned(),
+            positions: placed.positions,
+            indices: placed.triangles,
+            palette: colours.palette,
+            colour_of: colours.colour_of,
+            offset: placed.offset,
+            view: None,
+        },
+    })
+}
+
+/// That an offset is subtracted, and why.
+fn offset_note(name: &str, placed: &Placed) -> Option<String> {
+    let DVec3 { x, y, z } = placed.offset;
+    (placed.moved > 0.0).then(|| {
+        format!(
+            "{name}: coordinates are kept relative to ({x}, {y}, {z}), since single precision would move vertices by up to \
+             {}; cameras and rays are given in the coordinates of the file",
+            two_digits(placed.moved)
+        )
+    })
+}
+
+/// A number without the digits that nobody needs.
+fn two_digits(number: f64) -> f64 {
+    format!("{number:.1e}").parse().unwrap_or(number)
+}
+
+/// What the user should know of the shapes.
+fn warnings(name: &str, geometry: &Geometry<'_>, placed: &Placed) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let left_out = geometry.left_out.faces + placed.invalid;
+    if left_out > 0 {
+        let (line, defect) = geometry.left_out.example.clone().unwrap_or_else(|| {
+            let line = geometry.doubtful.first().map_or(0, |doubtful| doubtful.line);
+            (line, Defect::NotFinite { vertices: 1 })
+        });
+        warnings.push(format!("{name}:{line}: {defect}: {} left out", faces(left_out)));
+    }
+    let mut polygons = |noticed: Noticed, what: &str| {
+        if noticed.count > 0 {
+            warnings.push(format!("{name}:{}: {} of this file {what}", noticed.line, faces(noticed.count)));
         }
+    };
+    polygons(geometry.crossing, "cross themselves, the first one here: what their triangles cover is arbitrary");
+    polygons(geometry.warped, "are not plane, the first one here: other triangles would fit them as well");
+    let (count, by) = placed.far;
+    if count > 0 {
+        warnings.push(format!(
+            "{name}: {count} vertices are so far from the rest that single precision moves them by up to {}: put \
+             what is there into a file of its own",
+            two_digits(by)
+        ));
     }
-    Ok(Loaded { model, ..Loaded::default() })
+    warnings
 }
 
-/// Finds vertices that are not finite; only then is the text looked at again.
-fn check_vertices(bytes: &[u8], name: &str, options: &LoadOptions, loaded: &mut Loaded) -> Result<(), LoadError> {
-    if loaded.model.positions.iter().all(|p| p.is_finite()) {
-        return Ok(());
-    }
-    let (line, count) = diagnose::invalid_vertices(bytes);
-    if !options.drop_invalid {
-        return Err(LoadError::NotFinite { file: name.to_owned(), line, count });
-    }
-    let positions = &loaded.model.positions;
-    let is_invalid = |triangle: &&[u32; 3]| triangle.iter().any(|&i| !positions[i as usize].is_finite());
-    loaded.invalid_vertices = count;
-    loaded.invalid_triangles = loaded.model.indices.iter().filter(is_invalid).count() as u64;
-    Ok(())
+fn faces(count: u64) -> String {
+    if count == 1 { "1 face".to_owned() } else { format!("{count} faces") }
 }
 
-/// Reads a whole file and reports how far it got.
-fn read_file(path: &Path, progress: &mut dyn FnMut(LoadProgress)) -> io::Result<Vec<u8>> {
-    let mut file = File::open(path)?;
-    let about = file.metadata()?;
+/// Reads a whole file.
+fn read_file(path: &Path, watch: &mut Watch<'_>) -> Result<Vec<u8>, Fault> {
+    let mut file = File::open(path).map_err(Fault::Read)?;
+    let about = file.metadata().map_err(Fault::Read)?;
     if about.is_dir() {
-        return Err(io::ErrorKind::IsADirectory.into());
+        return Err(Fault::Read(io::ErrorKind::IsADirectory.into()));
     }
-    let total_bytes = about.len();
+    let mut meter = Meter::begin(LoadStage::Reading, about.len(), watch)?;
     let mut bytes = Vec::new();
-    // A refused allocation must be an error here, not an abort; files without a size (pipes) just grow the buffer.
-    bytes.try_reserve_exact(usize::try_from(total_bytes).unwrap_or(usize::MAX)).map_err(io::Error::from)?;
-    while file.by_ref().take(progress::STEP).read_to_end(&mut bytes)? > 0 {
-        progress(LoadProgress { stage: LoadStage::Reading, done_bytes: bytes.len() as u64, total_bytes });
+    // One more than the size, so that the end is seen without growing. Pipes have no size: their list just grows.
+    grow(&mut bytes, usize::try_from(about.len() + 1).unwrap_or(usize::MAX))?;
+    loop {
+        if bytes.len() == bytes.capacity() {
+            grow(&mut bytes, LoadStage::Reading.step() as usize)?;
+        }
+        let room = LoadStage::Reading.step().min((bytes.capacity() - bytes.len()) as u64);
+        let read = file.by_ref().take(room).read_to_end(&mut bytes);
+        if read.map_err(Fault::Read)? == 0 {
+            return Ok(bytes);
+        }
+        meter.at(bytes.len() as u64)?;
     }
-    Ok(bytes)
 }

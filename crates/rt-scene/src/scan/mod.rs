@@ -6,10 +6,10 @@ pub use plan::Plan;
 
 use crate::Model;
 use crate::frame::frame;
+use crate::memory;
+use crate::progress::{LoadStage, Meter, Watch, unwatched};
 use rt_core::{Aabb, Triangle};
 use serde::Serialize;
-use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Height over longest edge, without a unit, below which a triangle counts as a sliver.
@@ -41,8 +41,9 @@ pub struct Scan {
     /// Triangles with area whose height is less than [`FILTER_RESOLUTION`] of the diagonal: nearly every test of one
     /// needs double precision.
     pub unresolved: u64,
-    /// Triangles with area that have the same three corners, in any order, as one before them.
-    pub duplicates: u64,
+    /// Triangles with area that have the same three corners, in any order, as one before them; `None` (null) where there
+    /// was no memory to find out.
+    pub duplicates: Option<u64>,
     /// Smallest coordinates of the finite triangles; `None` (null) where there are none.
     pub min: Option<[f32; 3]>,
     /// Largest coordinates of the finite triangles; `None` (null) where there are none.
@@ -56,9 +57,16 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// Scans `model` in linear time.
+    /// Scans `model`, in little more than linear time.
     #[must_use]
     pub fn new(model: &Model) -> Self {
+        Self::watched(model, &mut unwatched).expect("nobody stops it")
+    }
+
+    /// Scans `model` as [`Scan::new`] does; `None` when `watch` breaks.
+    pub fn watched(model: &Model, watch: &mut Watch<'_>) -> Option<Self> {
+        let total = 2 * model.indices.len() as u64;
+        let mut meter = Meter::begin(LoadStage::Scanning, total, watch).ok()?;
         let mut bounds = Aabb::EMPTY;
         let mut scan = Self {
             triangles: model.indices.len() as u64,
@@ -67,7 +75,7 @@ impl Scan {
             slivers: 0,
             thinnest_aspect: None,
             unresolved: 0,
-            duplicates: 0,
+            duplicates: Some(0),
             min: None,
             max: None,
             extent: 0.0,
@@ -75,12 +83,13 @@ impl Scan {
             colours: if model.colour_of.is_empty() { 1 } else { model.palette.len() as u64 },
         };
         scan.non_finite = scan.triangles;
-        for (_, triangle) in finite(model) {
+        for (number, triangle) in finite(model) {
+            meter.at(number.into()).ok()?;
             scan.non_finite -= 1;
             bounds = bounds.union(triangle.bounds());
         }
         if bounds.is_empty() {
-            return scan;
+            return Some(scan);
         }
         (scan.min, scan.max) = (Some(bounds.min.to_array()), Some(bounds.max.to_array()));
         let edges = bounds.max.as_dvec3() - bounds.min.as_dvec3();
@@ -89,9 +98,10 @@ impl Scan {
         scan.offset_ratio = (scan.extent > 0.0).then(|| largest / scan.extent);
         let (low, high) = frame(model).unwrap_or_default();
         let unresolved = FILTER_RESOLUTION * (high - low).length();
-        let mut seen = Seen::new(model);
+        let mut fingerprints = memory::list(model.indices.len()).ok();
         let mut thinnest = f64::INFINITY;
         for (number, triangle) in finite(model) {
+            meter.at(scan.triangles + u64::from(number)).ok()?;
             let Some((height, longest)) = height(&triangle) else {
                 scan.degenerate += 1;
                 continue;
@@ -100,10 +110,13 @@ impl Scan {
             thinnest = thinnest.min(aspect);
             scan.slivers += u64::from(aspect < SLIVER_ASPECT);
             scan.unresolved += u64::from(height < unresolved);
-            scan.duplicates += u64::from(seen.contains_or_insert(&triangle, number));
+            if let Some(fingerprints) = &mut fingerprints {
+                fingerprints.push(fingerprint(&triangle));
+            }
         }
+        scan.duplicates = fingerprints.map(repeated);
         scan.thinnest_aspect = thinnest.is_finite().then_some(thinnest);
-        scan
+        Some(scan)
     }
 
     /// Number of triangles that a ray can hit.
@@ -127,38 +140,21 @@ fn height(triangle: &Triangle) -> Option<(f64, f64)> {
     (height > 0.0).then_some((height, longest))
 }
 
-/// Triangles that differ in their corners, each known by its number.
-#[derive(Debug)]
-struct Seen<'a> {
-    model: &'a Model,
-    /// The first triangle with each fingerprint. Of two different triangles with one fingerprint, which among a million
-    /// happens once in 10⁷ models, the second one's copies are not noticed.
-    first: HashMap<u64, u32>,
+/// The same for triangles with the same corners in any order, and, but for one pair of a million triangles in 10⁷ models, for
+/// no others.
+fn fingerprint(triangle: &Triangle) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    sorted_corners(triangle).hash(&mut hasher);
+    hasher.finish()
 }
 
-impl<'a> Seen<'a> {
-    fn new(model: &'a Model) -> Self {
-        Self { model, first: HashMap::with_capacity(model.indices.len()) }
-    }
-
-    /// Whether an earlier triangle has the corners of this one; if not, it is remembered as `number`.
-    fn contains_or_insert(&mut self, triangle: &Triangle, number: u32) -> bool {
-        let corners = sorted_corners(triangle);
-        let mut hasher = DefaultHasher::new();
-        corners.hash(&mut hasher);
-        match self.first.entry(hasher.finish()) {
-            Entry::Vacant(entry) => {
-                entry.insert(number);
-                false
-            }
-            Entry::Occupied(entry) => {
-                self.model.triangle(*entry.get()).is_some_and(|first| sorted_corners(&first) == corners)
-            }
-        }
-    }
+/// Number of entries that are the same as an earlier one.
+fn repeated(mut fingerprints: Vec<u64>) -> u64 {
+    fingerprints.sort_unstable();
+    fingerprints.windows(2).filter(|pair| pair[0] == pair[1]).count() as u64
 }
 
-/// The same for triangles with the same corners in any order.
+/// The corners in an order that does not depend on theirs.
 fn sorted_corners(triangle: &Triangle) -> [[u32; 3]; 3] {
     // Adding zero makes the two zeros one.
     let mut corners = triangle.vertices().map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));
@@ -194,7 +190,7 @@ mod tests {
         model.indices.push([0, 1, 1_000_000]); // leads nowhere
         let scan = Scan::new(&model);
         assert_eq!((scan.triangles, scan.non_finite, scan.degenerate), (10, 3, 2));
-        assert_eq!((scan.slivers, scan.unresolved, scan.duplicates), (2, 1, 1));
+        assert_eq!((scan.slivers, scan.unresolved, scan.duplicates), (2, 1, Some(1)));
         assert!((scan.thinnest_aspect.unwrap() / 1e-7 - 1.0).abs() < 1e-6);
         assert_eq!((scan.min, scan.max), (Some([0.0; 3]), Some([1.0; 3])));
         assert_eq!((scan.extent, scan.offset_ratio, scan.valid()), (1.0, Some(1.0), 5));
@@ -242,7 +238,7 @@ mod tests {
             let all = keys.len();
             keys.sort_unstable();
             keys.dedup();
-            prop_assert_eq!(base.duplicates as usize, all - keys.len());
+            prop_assert_eq!(base.duplicates, Some((all - keys.len()) as u64));
         }
     }
 }

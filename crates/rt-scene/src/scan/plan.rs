@@ -19,7 +19,9 @@ const OFFSET_RATIO: f64 = 1e5;
 
 /// The plan of a scene, as written to `report.json` under `scene.plan`.
 ///
-/// Precision is a matter of speed alone: [`Precision::Robust`] gives the same hits as [`Precision::Double`].
+/// Precision is a matter of speed alone: [`Precision::Robust`] gives the same hits as [`Precision::Double`]. Both are those
+/// of the file's own numbers, to the rounding that [`Model::offset`](crate::Model::offset) leaves: the numbers that are
+/// scanned here are those after it.
 /// What only the tree can tell is `None` (null) until [`Plan::complete`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
@@ -116,8 +118,8 @@ fn precision(scan: &Scan, reasons: &mut Vec<String>) -> Precision {
     }
     if let Some(ratio) = scan.offset_ratio.filter(|&ratio| ratio > OFFSET_RATIO) {
         reasons.push(format!(
-            "double precision: coordinates are {ratio:.1e} times the extent, so rays pass exactly through edges as a \
-             rule, and trying single precision first would only cost time (hits would be the same)"
+            "double precision: coordinates, which single precision holds, are {ratio:.1e} times the extent, so rays pass \
+             exactly through edges as a rule, and trying single precision first would only cost time (hits would be the same)"
         ));
         return Precision::Double;
     }

@@ -23,6 +23,8 @@ pub fn trace(scene: &Scene, source: &RaySource, spec: StreamSpec) -> Vec<Hit> {
     /// Rays that one core traces at a time.
     const CHUNK: u32 = 1 << 12;
     let chunk = |chunk: u32| {
+        // Threads of the pool may have inherited another.
+        let _environment = rt_fenv::Environment::enter();
         let rays = (chunk * CHUNK..source.len().min((chunk + 1).saturating_mul(CHUNK))).map(|i| source.ray(i));
         let mut hits = Vec::with_capacity(CHUNK as usize);
         rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, _| hits.push(hit));

@@ -57,6 +57,8 @@ impl Spawner<'_> {
     }
 
     fn departures<const N: usize>(&self, scatters: &[Scatter; N], range: Range<u32>) -> [Vec<Departure>; N] {
+        // Of a thread of the pool, which may have inherited another.
+        let _environment = rt_fenv::Environment::enter();
         let mut lists = [const { Vec::new() }; N];
         for ray in range {
             let Some((from, surface)) = self.departure(ray) else { continue };

@@ -1,6 +1,7 @@
 //! The sweep: every setting in turn, round after round.
 
 use super::estimators::{KINDS, Kind};
+use crate::contenders::{self, Contender, MACHINES};
 use crate::stretch::Stretch;
 use crate::subject::Subject;
 use crate::tradeoff::Setting;
@@ -12,14 +13,9 @@ use rt_balance::{Scheduling, Stream, clock};
 use rt_core::{CostEstimator, Device, DeviceErrorKind, StreamKind, TestCounts};
 use rt_sched::estimate::Uniform;
 use rt_sched::metrics;
-use rt_sched::policy::{Block, RoundRobin};
 use rt_sched::sample::Fraction;
 use serde::Serialize;
 use std::sync::Arc;
-
-/// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
-const MACHINES: [(&str, &[f64]); 4] =
-    [("2 devices", &[1.0; 2]), ("3 devices", &[1.0; 3]), ("8 devices", &[1.0; 8]), ("1:2:4", &[1.0, 2.0, 4.0])];
 
 /// What is measured of a setting in each round; all are shares without a unit.
 pub(super) const METRICS: [&str; 10] = [
@@ -53,7 +49,7 @@ pub(super) struct Cell {
     pub(super) task_rays: u32,
     pub(super) tasks: usize,
     /// The estimator; of the settings without one, how the regular tasks were dealt.
-    pub(super) estimator: &'static str,
+    pub(super) estimator: String,
     /// `strided` or `random`; `None` without samples.
     pub(super) sampler: Option<&'static str>,
     /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget as a
@@ -103,7 +99,7 @@ pub(super) fn passes(quick: bool) -> f64 {
 }
 
 /// Regular tasks: what estimates must beat.
-const REGULAR: [&str; 3] = ["none, hybrid queue", "none, static round robin", "none, static blocks"];
+const REGULAR: [Contender; 3] = [contenders::HYBRID, contenders::ROUND_ROBIN, contenders::BLOCKS];
 
 /// A setting as it is run.
 struct Try<'a> {
@@ -170,8 +166,10 @@ impl<'a> Sweep<'a> {
                 .into_iter()
                 .collect(),
         };
-        let regular = REGULAR.iter().map(|&name| cell(name, None, 0.0));
-        let tried = tries.iter().map(|t| cell(t.kind.name, Some(t.kind.sampler_name(stream.kind)), t.fraction.value()));
+        let regular = REGULAR.iter().map(|regular| cell(format!("none, {}", regular.name), None, 0.0));
+        let tried = tries
+            .iter()
+            .map(|t| cell(t.kind.name.to_owned(), Some(t.kind.sampler_name(stream.kind)), t.fraction.value()));
         regular.chain(tried).collect()
     }
 
@@ -256,7 +254,9 @@ fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {
 /// Excess of the settings of [`REGULAR`] on each of [`MACHINES`].
 fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.len()]; REGULAR.len()] {
     let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
-    [Queue::Hybrid, Queue::Static(&RoundRobin), Queue::Static(&Block)].map(|queue| {
+    REGULAR.map(|regular| {
+        let policy = regular.policy();
+        let queue = policy.as_deref().map_or(Queue::Hybrid, Queue::Static);
         MACHINES.map(|(_, speeds)| {
             let replay = Replay { speeds, task_s, launch_s };
             metrics::excess(replay.regular(queue, &rays), replay.lower_bound()).unwrap_or(f64::NAN)

@@ -92,11 +92,11 @@ fn chart(scene: &str, cells: &[Cell]) -> Chart {
     let levels = |stream: &str| {
         let regular = cells.iter().filter(|c| c.scene == scene && c.task_rays == size && c.sampler.is_none());
         let own = regular.filter(|cell| cell.stream == stream);
-        own.map(|cell| (100.0 * cell.median(EXCESS_OF_3), cell.estimator.to_owned())).collect()
+        own.map(|cell| (100.0 * cell.median(EXCESS_OF_3), cell.estimator.clone())).collect()
     };
     let panel = |stream: &str, what: &str, axis: &str, metric: usize| {
         let own: Vec<&&Cell> = shown.iter().filter(|cell| cell.stream == stream).collect();
-        let mut names: Vec<&str> = own.iter().map(|cell| cell.estimator).collect();
+        let mut names: Vec<&str> = own.iter().map(|cell| cell.estimator.as_str()).collect();
         names.dedup();
         let point = |cell: &&&Cell| [100.0 * cell.median(OVERHEAD), 100.0 * cell.median(metric)];
         let series = |name: &&str| Series {
@@ -200,7 +200,7 @@ fn sweep_table(cells: &[Cell]) -> Table {
             cell.scene.clone(),
             cell.stream.clone(),
             grouped(cell.task_rays.into()),
-            cell.estimator.to_owned(),
+            cell.estimator.clone(),
             cell.sampler.unwrap_or("none").to_owned(),
             fraction,
         ];

@@ -88,6 +88,7 @@ impl Mesh {
             palette: palette.into_colours(),
             colour_of: self.colour_of,
             view: Some(view),
+            ..Model::default()
         }
     }
 

@@ -36,13 +36,18 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
 
-/// On the simulator, sampling as long as it pays comes within 3% of the best fixed fraction, whatever a walk costs, and no
-/// fixed fraction does so for every price.
+/// Devices, what a walked ray costs beside a traced one, and by how much the adaptive makespan may exceed that of the best of
+/// four fixed fractions, which is known only afterwards. Over 128 seeds it does so by 0.2, 0.7, 0.4 and 1.5 ± 0.3%: in the last
+/// case the first sample, one ray in 256, would have been enough, and a second that seems worth its price is not.
+const WORTH: [(u32, f64, f64); 4] = [(4, 1.1, 1.01), (4, 3.0, 1.01), (16, 1.1, 1.01), (16, 6.0, 1.02)];
+
+/// On the simulator, sampling as long as it pays comes as near to the best fixed fraction as [`WORTH`] says, whatever a walk
+/// costs, and no fixed fraction does so for every price.
 ///
 /// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
 #[test]
 fn adaptive_samples_are_worth_their_price() {
-    let seeds = [1, 2, 3, 4, 5, 6];
+    let seeds: Vec<u32> = (1..=16).collect();
     let mean = |make: &dyn Fn() -> Box<dyn CostEstimator>, devices, price| {
         let one = |&seed: &u32| {
             let mut estimator = make();
@@ -52,20 +57,20 @@ fn adaptive_samples_are_worth_their_price() {
         };
         seeds.iter().map(one).sum::<f64>() / seeds.len() as f64
     };
-    let mut worst_fixed = [0.0_f64; 4];
-    for (devices, price) in [(4, 1.1), (4, 3.0), (16, 1.1), (16, 6.0)] {
+    let mut fixed_will_do = [true; 4];
+    for (devices, price, bound) in WORTH {
         let adaptive = mean(&|| Box::new(Adaptive::default()), devices, price);
         let fixed = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0].map(|f| {
             let fraction = Fraction::new(f).expect("valid");
             mean(&|| Box::new(Sampled::new(Walk::Full, fraction)), devices, price)
         });
         let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
-        assert!(adaptive < 1.03 * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
-        for (worst, own) in worst_fixed.iter_mut().zip(fixed) {
-            *worst = worst.max(own / best);
+        assert!(adaptive < bound * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
+        for (will_do, own) in fixed_will_do.iter_mut().zip(fixed) {
+            *will_do &= own < bound * best;
         }
     }
-    assert!(worst_fixed.iter().all(|worst| *worst > 1.03), "{worst_fixed:?}");
+    assert_eq!(fixed_will_do, [false; 4]);
 }
 
 /// Samples go where intervals are wide, and nowhere when there is nothing to balance.

@@ -3,15 +3,16 @@
 use super::LIMIT;
 use super::options::Options;
 use super::truth::Truth;
+use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_core::{
-    CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, ReducedWalk, Span, Step,
-    StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
+    CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step, StreamKind,
+    StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
+use rt_lab::contenders::MACHINES;
 use rt_sched::calibrate::cross_predicted;
-use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform, interval_95};
+use rt_sched::estimate::interval_95;
 use rt_sched::metrics::{self, EstimateErrors};
-use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
@@ -41,9 +42,6 @@ pub(crate) struct Outcome {
     /// Share of the tasks whose 95% interval holds their exact tests; `None` where no task has one.
     pub(crate) coverage: Option<f64>,
 }
-
-/// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
-pub(crate) const MACHINES: [(&str, &[f64]); 3] = [("3", &[1.0; 3]), ("8", &[1.0; 8]), ("1:2:4", &[1.0, 2.0, 4.0])];
 
 /// Seconds of a launch beside its tasks: about what handing one over to a thread takes.
 const LAUNCH_S: f64 = 1e-5;
@@ -107,39 +105,30 @@ fn processor_s() -> f64 {
 /// The wall's time, where the system does not tell.
 #[cfg(not(unix))]
 fn processor_s() -> f64 {
-    super::now().as_secs_f64()
+    rt_balance::clock().as_secs_f64()
 }
 
 impl Case {
     /// All cases asked for.
     pub(crate) fn list(options: &Options) -> Vec<Self> {
-        let mut cases = vec![Self { name: "uniform".to_owned(), estimator: Box::new(Uniform) }];
-        let mut add = |name: String, estimator: Box<dyn CostEstimator>| cases.push(Self { name, estimator });
-        for one_in in [8_u32, 64, 128, 256] {
-            let Some(fraction) = Fraction::new(1.0 / f64::from(one_in)) else { continue };
-            add(format!("exact 1/{one_in}"), Box::new(Sampled::new(Walk::Full, fraction)));
-            add(format!("field 1/{one_in}"), Box::new(Field::new(fraction)));
-            let reduced = [
-                ("reduced", ReducedWalk::LeafAsHit),
-                ("unshortened", ReducedWalk::Unshortened),
-                ("plane", ReducedWalk::LeafPlane),
-                ("truncated", ReducedWalk::Truncated),
-            ];
-            for (name, walk) in reduced.into_iter().filter(|_| one_in <= 64) {
-                add(format!("{name} 1/{one_in}"), Box::new(Sampled::new(Walk::Reduced(walk), fraction)));
-            }
-        }
-        for (name, walk) in [("reduced", ReducedWalk::LeafAsHit), ("plane", ReducedWalk::LeafPlane)] {
-            add(format!("{name} 1/1"), Box::new(Sampled::new(Walk::Reduced(walk), Fraction::ONE)));
-        }
-        add("adaptive".to_owned(), Box::<Adaptive>::default());
-        add("history".to_owned(), Box::<History>::default());
-        add("auto".to_owned(), Box::<Auto>::default());
+        /// One ray in so many; where the ray is not traced, fewer do not pay.
+        const ONE_IN: [u32; 4] = [8, 64, 128, 256];
+        let sampling = |entry: &'static Entry<Make>| {
+            let reduced = matches!(entry.usual().make().walk(), Some(Walk::Reduced(_)));
+            let (every, most) = if reduced { (Some(1), 64) } else { (None, u32::MAX) };
+            let one_in = ONE_IN.into_iter().filter(move |&n| n <= most).chain(every);
+            one_in.filter_map(|n| entry.with(1.0 / f64::from(n))).collect::<Vec<_>>()
+        };
+        let chosen = ESTIMATORS.iter().flat_map(|entry| match entry.make {
+            Make::Sampling(..) => sampling(entry),
+            _ => vec![entry.usual()],
+        });
+        let cases = chosen.map(|chosen| Self { name: chosen.label().to_owned(), estimator: chosen.make() });
         let asked = |case: &Self| {
             let family = case.name.split(' ').next().unwrap_or_default();
             options.only.is_empty() || options.only.iter().any(|only| only == family || *only == case.name)
         };
-        cases.into_iter().filter(asked).collect()
+        cases.filter(asked).collect()
     }
 
     /// A plain trace of all rays, then the estimate and the trace of what is left.

@@ -1,6 +1,6 @@
 //! Measures what estimating costs and how wrong it is: the tables of docs/results/estimation.md.
 //!
-//! `cargo run --release -p rt-benches --bin estimation -- SCENE... [--kinds primary,diffuse] [--size 1024x1024]
+//! `cargo run --release -p rt-lab --bin estimation -- SCENE... [--kinds primary,diffuse] [--size 1024x1024]
 //! [--task-sizes 1024,64] [--repetitions 7] [--only NAME,...] [--quick] [--json FILE]`
 //!
 //! A scene is `yard`, `car` or an OBJ file. One CPU device of one thread; the kernel is the one that renders.
@@ -22,16 +22,18 @@ mod options;
 mod table;
 mod truth;
 
-use backend_cpu::CpuDevice;
 use measure::{Case, Outcome};
 use options::Options;
-use rt_benches::BenchScene;
-use rt_core::{Device, Launch, RaySource, Scene, StreamKind, StreamSpec, Tracer, tasks_of};
+use rt_balance::clock;
+use rt_balance::cpu::CpuDevice;
+use rt_core::{Device, Launch, RaySource, StreamKind, StreamSpec, Tracer, tasks_of};
+use rt_lab::DEFAULT_BUILDER;
+use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
 use rt_scene::streams::Wave;
 use serde_json::{Value, json};
 use std::error::Error;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use truth::Truth;
 
 /// Longest wait for a launch.
@@ -42,15 +44,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut results = Vec::new();
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     for name in &options.scenes {
-        let scene = BenchScene::open(name)?;
-        let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
-        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene;
+        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let devices = CpuDevice::open_all(&[1])?;
         let device = devices.first().ok_or("no CPU device")?;
         for &kind in &options.kinds {
-            let mut tracer = device.tracer(Arc::clone(&built), now)?;
-            let source = rays(&scene, &built, &options, kind, &mut *tracer)?;
+            let mut tracer = device.tracer(Arc::clone(&scene.built.scene), clock)?;
+            let source = rays(&scene, &options, kind, &mut *tracer)?;
             for &size in &options.task_sizes {
                 results.push(one(&scene.name, &options, &mut *tracer, kind, &source, size)?);
             }
@@ -63,21 +62,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Time since the first call.
-fn now() -> Duration {
-    static ORIGIN: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    ORIGIN.get_or_init(Instant::now).elapsed()
-}
-
 /// All rays of one kind; diffuse ones start at the hits of the primary ones.
 fn rays(
-    scene: &BenchScene,
-    built: &Arc<Scene>,
+    scene: &Prepared,
     options: &Options,
     kind: StreamKind,
     tracer: &mut dyn Tracer,
 ) -> Result<RaySource, Box<dyn Error>> {
-    let paths = scene.paths(built, options.size, 1, 1)?;
+    let paths = scene.paths(&scene.view(), options.size, 1)?;
     let camera = paths.primary(&Wave::whole(options.size)?);
     let primary = camera.source.clone();
     if kind == StreamKind::Primary {

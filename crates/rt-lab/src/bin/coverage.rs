@@ -1,6 +1,6 @@
 //! How often 95% intervals of estimates hold on real scenes: promise 10, the table of docs/results/robustness.md.
 //!
-//! `cargo run --release -p rt-benches --bin coverage -- SCENE... [--size 512x512] [--task-size 1024] [--trials 200]
+//! `cargo run --release -p rt-lab --bin coverage -- SCENE... [--size 512x512] [--task-size 1024] [--trials 200]
 //! [--seed 1] [--one-in 8,64] [--only NAME,...]`; a scene is `yard`, `car` or an OBJ file.
 //!
 //! Every ray's tests are counted once; then each estimator is asked again and again, with another seed each time, and
@@ -16,14 +16,17 @@
 #![forbid(unsafe_code)]
 
 use rayon::prelude::*;
+use rt_balance::catalogue::{ESTIMATORS, Estimator, find};
 use rt_balance::stats::median;
-use rt_benches::BenchScene;
 use rt_bvh::Stack;
 use rt_core::{
     CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step, StreamKind,
     StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
-use rt_sched::estimate::{Adaptive, Auto, Field, Sampled, interval_95};
+use rt_lab::DEFAULT_BUILDER;
+use rt_scene::prepare::{Options as Prepare, prepare};
+use rt_scene::streams::{self, PathStream, Wave};
+use rt_sched::estimate::interval_95;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
@@ -50,7 +53,7 @@ struct Options {
 /// An estimator to be tried.
 struct Case {
     name: String,
-    make: Box<dyn Fn() -> Box<dyn CostEstimator> + Sync>,
+    estimator: Estimator,
     /// What its estimates are to be compared with.
     walk: Walk,
     /// Streams that it sees first.
@@ -90,17 +93,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     let cases = cases(&options);
     for name in &options.scenes {
-        let scene = BenchScene::open(name)?;
-        let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
-        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?.scene;
-        for (label, source, _) in scene.streams(&built, options.size)? {
-            let kind = match label {
-                "primary" => StreamKind::Primary,
-                "diffuse" => StreamKind::Diffuse(0),
-                _ => continue,
-            };
-            let stream = Stream::new(&built, kind, source, options.task_size);
+        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let built = &scene.built.scene;
+        let paths = scene.paths(&scene.view(), options.size, 1)?;
+        let primary = paths.primary(&Wave::whole(options.size)?);
+        let hits = streams::trace(built, &primary.source, primary.spec(Precision::Robust));
+        let [_, diffuse] = paths.follow(&primary, &hits);
+        for PathStream { source, kind, .. } in [primary, diffuse] {
+            let stream = Stream::new(built, kind, source, options.task_size);
             for case in &cases {
                 let outcome = (0..options.trials)
                     .into_par_iter()
@@ -155,20 +155,18 @@ impl Options {
 
 /// Every estimator with errors of its own.
 fn cases(options: &Options) -> Vec<Case> {
-    let reduced = Walk::Reduced(ReducedWalk::LeafAsHit);
-    let mut cases = Vec::new();
-    let mut add = |name: String, make: Box<dyn Fn() -> Box<dyn CostEstimator> + Sync>, walk, warming| {
-        cases.push(Case { name, make, walk, warming });
+    let case = |suffix: &str, estimator: Estimator, warming| {
+        let walk = estimator.make().walk().unwrap_or(Walk::Full);
+        Case { name: format!("{}{suffix}", estimator.label()), estimator, walk, warming }
     };
+    let mut cases = Vec::new();
     for &fraction in &options.fractions {
-        let label = |name: &str| format!("{name} 1/{:.0}", 1.0 / fraction.value());
-        add(label("exact"), Box::new(move || Box::new(Sampled::new(Walk::Full, fraction))), Walk::Full, 0);
-        add(label("reduced"), Box::new(move || Box::new(Sampled::new(reduced, fraction))), reduced, 0);
-        add(label("field"), Box::new(move || Box::new(Field::new(fraction))), Walk::Full, 0);
-        add(label("field, warm,"), Box::new(move || Box::new(Field::new(fraction))), Walk::Full, WARMING);
+        let of = |name| find(ESTIMATORS, name).and_then(|entry| entry.sampling(fraction));
+        cases.extend(["exact", "reduced", "field"].into_iter().filter_map(of).map(|chosen| case("", chosen, 0)));
+        cases.extend(of("field").map(|chosen| case(", warm,", chosen, WARMING)));
     }
-    add("adaptive".to_owned(), Box::new(|| Box::<Adaptive>::default()), Walk::Full, 0);
-    add("auto".to_owned(), Box::new(|| Box::<Auto>::default()), Walk::Full, 0);
+    let usual = |name| find(ESTIMATORS, name).map(|entry| case("", entry.usual(), 0));
+    cases.extend(["adaptive", "auto"].into_iter().filter_map(usual));
     let asked = |case: &Case| options.only.is_empty() || options.only.iter().any(|only| case.name.starts_with(only));
     cases.into_iter().filter(asked).collect()
 }
@@ -213,7 +211,7 @@ impl Stream {
 impl Case {
     /// One estimate of every task, judged.
     fn trial(&self, stream: &Stream, seed: u32) -> Outcome {
-        let mut estimator = (self.make)();
+        let mut estimator = self.estimator.make();
         for earlier in 0..self.warming {
             self.estimate(&mut *estimator, stream, seed + earlier);
         }

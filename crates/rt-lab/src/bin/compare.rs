@@ -1,73 +1,22 @@
 //! Compares queues and policies, each with and without cost initialisation, on one scene: the table of
 //! docs/results/balance.md.
 //!
-//! `cargo run --release -p rt-benches --bin balance -- SCENE [--devices 1,1] [--tasks 256] [--runs 7]
+//! `cargo run --release -p rt-lab --bin compare -- SCENE [--devices 1,1] [--tasks 256] [--runs 7]
 //! [--size 1600x1000] [--spp 8] [--fraction 1/64] [--diffuse] [--json FILE]`
 #![forbid(unsafe_code)]
 
+use rt_balance::catalogue::{ESTIMATORS, find};
 use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
 use rt_balance::stats::{Summary, median};
-use rt_balance::{
-    Balancer, Control, Device, Hit, Limits, QueueKind, Reference, Scheduling, Stream, StreamKind, StreamSpec,
-};
-use rt_benches::BenchScene;
-use rt_core::{CostEstimator, ReducedWalk, Scene, Walk};
-use rt_scene::streams::Wave;
-use rt_sched::estimate::{Auto, Sampled, Uniform};
-use rt_sched::policy::{Block, Policy, RoundRobin};
+use rt_balance::{Balancer, Control, Device, Hit, Limits, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_lab::DEFAULT_BUILDER;
+use rt_lab::contenders::{CONTENDERS, HYBRID};
+use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
+use rt_scene::streams::{Paths, Wave};
 use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::sync::Arc;
-
-/// One row of the table.
-struct Config {
-    name: &'static str,
-    queue: QueueKind,
-    policy: Option<fn() -> Box<dyn Policy>>,
-    estimator: Estimator,
-}
-
-#[derive(Clone, Copy)]
-enum Estimator {
-    Uniform,
-    Reduced,
-    Exact,
-    Auto,
-}
-
-const fn row(
-    name: &'static str,
-    queue: QueueKind,
-    policy: Option<fn() -> Box<dyn Policy>>,
-    estimator: Estimator,
-) -> Config {
-    Config { name, queue, policy, estimator }
-}
-
-fn block() -> Box<dyn Policy> {
-    Box::new(Block)
-}
-
-fn round_robin() -> Box<dyn Policy> {
-    Box::new(RoundRobin)
-}
-
-const CONFIGS: [Config; 10] = [
-    row("static block, regular", QueueKind::Static, Some(block), Estimator::Uniform),
-    row("static round robin, regular", QueueKind::Static, Some(round_robin), Estimator::Uniform),
-    row("static LPT, cost-initialised", QueueKind::Static, None, Estimator::Exact),
-    row("static LPT, reduced traversal", QueueKind::Static, None, Estimator::Reduced),
-    row("central, regular", QueueKind::Central, None, Estimator::Uniform),
-    row("central, cost-initialised", QueueKind::Central, None, Estimator::Exact),
-    row("central, reduced traversal", QueueKind::Central, None, Estimator::Reduced),
-    row("hybrid, regular", QueueKind::Hybrid, None, Estimator::Uniform),
-    row("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimator::Exact),
-    row("hybrid, auto", QueueKind::Hybrid, None, Estimator::Auto),
-];
-
-/// Position of the row that all others are compared with: what needs no estimate.
-const RIVAL: usize = 7;
 
 struct Options {
     scene: String,
@@ -83,21 +32,20 @@ struct Options {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    let scene = BenchScene::open(&options.scene)?;
-    let mesh = rt_bvh::Mesh { positions: &scene.model.positions, indices: &scene.model.indices };
-    let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-    let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
+    let scene = prepare(&options.scene, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
-    let mut balancer = Balancer::new(Arc::clone(&built.scene), &devices)?;
-    let stream = stream(&scene, &built.scene, &options, &mut balancer)?;
+    let mut balancer = Balancer::new(Arc::clone(&scene.built.scene), &devices)?;
+    let stream = stream(&scene, &options, &mut balancer)?;
     let mut hits = vec![Hit::MISS; stream.source.len() as usize];
 
     // One uncounted round fills caches and calibrates the devices.
     let mut rounds: Vec<Vec<StreamRun>> = Vec::new();
     let mut references = Vec::new();
+    let asked =
+        find(ESTIMATORS, "exact").and_then(|entry| entry.sampling(options.fraction)).ok_or("no such estimator")?;
     // Made once: estimators learn from round to round.
-    let mut schedulings = CONFIGS.each_ref().map(|config| config.scheduling(options.fraction));
+    let mut schedulings = CONTENDERS.each_ref().map(|contender| contender.scheduling(&asked));
     for round in 0..=options.runs {
         let mut runs = Vec::new();
         for scheduling in &mut schedulings {
@@ -122,13 +70,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// The primary rays, or the diffuse rays from their hits.
-fn stream(
-    scene: &BenchScene,
-    built: &Arc<Scene>,
-    options: &Options,
-    balancer: &mut Balancer,
-) -> Result<Stream, Box<dyn Error>> {
-    let paths = scene.paths(built, options.size, options.spp, 1)?;
+fn stream(scene: &Prepared, options: &Options, balancer: &mut Balancer) -> Result<Stream, Box<dyn Error>> {
+    let paths = Paths { samples: options.spp, ..scene.paths(&scene.view(), options.size, 1)? };
     let camera = paths.primary(&Wave::whole(options.size)?);
     let primary = camera.source.clone();
     let cut = |source: rt_core::RaySource, kind| {
@@ -145,20 +88,7 @@ fn stream(
     Ok(cut(diffuse.source, diffuse.kind))
 }
 
-impl Config {
-    fn scheduling(&self, fraction: Fraction) -> Scheduling {
-        let estimator: Box<dyn CostEstimator> = match self.estimator {
-            Estimator::Uniform => Box::new(Uniform),
-            Estimator::Reduced => Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafAsHit), fraction)),
-            Estimator::Exact => Box::new(Sampled::new(Walk::Full, fraction)),
-            Estimator::Auto => Box::<Auto>::default(),
-        };
-        let policy = self.policy.map(|make| make());
-        Scheduling { estimator, policy, queue: self.queue, ..Scheduling::default() }
-    }
-}
-
-fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], reference: &Reference) {
+fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], reference: &Reference) {
     let first = &rounds[0][0].report;
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     println!(
@@ -174,11 +104,12 @@ fn print(scene: &BenchScene, options: &Options, rounds: &[Vec<StreamRun>], refer
     println!(
         "| queue | makespan s (min – max) | % of {} [interval] | imbalance % | excess % | overhead % | error vs counts % | vs \
          time % |",
-        CONFIGS[RIVAL].name
+        HYBRID.name
     );
     println!("|---|---|---|---|---|---|---|---|");
-    let rival: Vec<f64> = rounds.iter().map(|runs| runs[RIVAL].report.makespan_s).collect();
-    for (index, config) in CONFIGS.iter().enumerate() {
+    let rival = CONTENDERS.iter().position(|contender| contender.name == HYBRID.name).unwrap_or_default();
+    let rival: Vec<f64> = rounds.iter().map(|runs| runs[rival].report.makespan_s).collect();
+    for (index, config) in CONTENDERS.iter().enumerate() {
         let values = |of: &dyn Fn(&StreamRun) -> Option<f64>| -> Vec<f64> {
             rounds.iter().filter_map(|runs| of(&runs[index])).collect()
         };

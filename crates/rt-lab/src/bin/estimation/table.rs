@@ -1,9 +1,10 @@
 //! The tables and the raw samples.
 
-use super::measure::{Case, MACHINES, Outcome, Seconds};
+use super::measure::{Case, Outcome, Seconds};
 use super::truth::Truth;
 use rt_balance::stats::median;
 use rt_core::{StreamKind, Task};
+use rt_lab::contenders::MACHINES;
 use rt_sched::metrics::EstimateErrors;
 use serde_json::{Value, json};
 
@@ -50,10 +51,10 @@ pub(crate) fn print(
     );
     println!(
         "| estimator | sampled % | price of a sample | net overhead % (min – max) | counts: mean % | weighted % | p95 % | \
-         bias % | time: mean % | weighted % | p95 % | bias % | in 95% interval % | excess %, m = {} |",
+         bias % | time: mean % | weighted % | p95 % | bias % | in 95% interval % | excess %, {} |",
         MACHINES.map(|(name, _)| name).join(" | ")
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|{}", "---|".repeat(13 + MACHINES.len()));
     for (case, outcomes) in cases.iter().zip(outcomes) {
         let cpu = |s: &Seconds| s.cpu;
         let nets: Vec<f64> = outcomes.iter().map(|o| o.net(cpu)).collect();
@@ -75,7 +76,10 @@ pub(crate) fn print(
             columns(|o| o.counts),
             columns(|o| o.time),
             percent(mean(outcomes, |o| o.coverage)),
-            [0, 1, 2].map(|machine| percent(Some(middle(outcomes, |o| o.excess[machine])))).join(" | "),
+            std::array::from_fn::<_, { MACHINES.len() }, _>(|machine| percent(Some(
+                middle(outcomes, |o| o.excess[machine])
+            )))
+            .join(" | "),
         );
     }
     println!();

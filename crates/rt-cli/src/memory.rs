@@ -1,0 +1,111 @@
+//! How much memory there is, and refusing what does not fit before any of it is taken.
+
+use anyhow::{Context, Result, bail};
+use sysinfo::{MemoryRefreshKind, RefreshKind, System};
+#[cfg(unix)]
+use sysinfo::{ProcessRefreshKind, ProcessesToUpdate};
+
+/// Bytes that this process can still take, and what limits them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Room {
+    pub(crate) bytes: u64,
+    limit: &'static str,
+}
+
+impl Room {
+    /// What there is now; a system that tells nothing is taken to have no end.
+    pub(crate) fn now() -> Self {
+        let endless = Self { bytes: u64::MAX, limit: "there is" };
+        let memory = RefreshKind::nothing().with_memory(MemoryRefreshKind::everything());
+        let Ok(system) = System::new_with_specifics(memory) else { return endless };
+        let mut limits = Vec::new();
+        if system.total_memory() > 0 {
+            let bytes = system.available_memory().saturating_add(system.free_swap());
+            limits.push(Self { bytes, limit: "the machine has free" });
+        }
+        if let Some(group) = system.cgroup_limits() {
+            // Not what it has free, of which the cache of files is taken off.
+            limits.push(Self { bytes: group.total_memory, limit: "the control group of this process has" });
+        }
+        limits.extend(address_space(system));
+        limits.into_iter().min_by_key(|room| room.bytes).unwrap_or(endless)
+    }
+
+    /// Refuses what needs more.
+    pub(crate) fn require(self, bytes: u64, what: &str, advice: &str) -> Result<()> {
+        if bytes <= self.bytes {
+            return Ok(());
+        }
+        let Self { limit, bytes: room } = self;
+        bail!("{what} needs about {}, but {limit} {}: {advice}", size(bytes), size(room))
+    }
+}
+
+/// What `ulimit -v` leaves; `None` where there is no such limit.
+#[cfg(unix)]
+fn address_space(mut system: System) -> Option<Room> {
+    let most = rustix::process::getrlimit(rustix::process::Resource::As).current?;
+    let own = sysinfo::get_current_pid().ok()?;
+    let what = ProcessRefreshKind::nothing().with_memory();
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), false, what);
+    let taken = system.process(own).map_or(0, sysinfo::Process::virtual_memory);
+    Some(Room { bytes: most.saturating_sub(taken), limit: "the limit of its address space (ulimit -v) leaves" })
+}
+
+#[cfg(not(unix))]
+fn address_space(_: System) -> Option<Room> {
+    None
+}
+
+/// Bytes as people read them, in powers of 1000.
+pub(crate) fn size(bytes: u64) -> String {
+    let bytes = bytes as f64;
+    match bytes {
+        b if b >= 1e10 => format!("{:.0} GB", b / 1e9),
+        b if b >= 1e9 => format!("{:.1} GB", b / 1e9),
+        b if b >= 1e6 => format!("{:.0} MB", b / 1e6),
+        b => format!("{:.0} kB", b / 1e3),
+    }
+}
+
+/// `count` times `value`.
+///
+/// # Errors
+/// When there is no memory for it; the message says for what, and how many bytes were asked for.
+pub(crate) fn filled<T: Clone>(value: T, count: usize, what: &str) -> Result<Vec<T>> {
+    let mut all = Vec::new();
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    all.try_reserve_exact(count).with_context(|| format!("no memory for {what}: {} were asked for", size(bytes)))?;
+    all.resize(count, value);
+    Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_does_not_fit_is_refused_with_both_numbers() {
+        let room = Room { bytes: 8_000_000_000, limit: "the machine has free" };
+        assert!(room.require(8_000_000_000, "it", "wait").is_ok());
+        let error = room.require(51_200_000_000, "a picture of 40000 x 40000 pixels", "choose a smaller --size");
+        let error = error.unwrap_err().to_string();
+        let whole = "a picture of 40000 x 40000 pixels needs about 51 GB, but the machine has free 8.0 GB: \
+                     choose a smaller --size";
+        assert_eq!(error, whole);
+    }
+
+    #[test]
+    fn there_is_some_room_and_not_more_than_a_machine_has() {
+        let room = Room::now();
+        assert!((1 << 20..1 << 50).contains(&room.bytes) || room.bytes == u64::MAX, "{room:?}");
+    }
+
+    /// Fails when vectors are asked for without a way to fail.
+    #[test]
+    fn no_memory_is_an_error_that_names_the_bytes() {
+        let error = filled([0_u8; 16], usize::MAX / 32, "the hits").unwrap_err();
+        let error = format!("{error:#}");
+        assert!(error.contains("no memory for the hits") && error.contains("GB"), "{error}");
+    }
+}

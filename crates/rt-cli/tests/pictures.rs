@@ -1,0 +1,73 @@
+//! Pictures: what they depend on, and those that do not fit.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn render(out: &Path, arguments: &[&str]) -> Output {
+    let run =
+        Command::new(env!("CARGO_BIN_EXE_raybalance")).arg("render").args(arguments).arg("--out").arg(out).output();
+    run.expect("the program starts")
+}
+
+fn rendered(arguments: &[&str]) -> Vec<u8> {
+    let dir = tempfile::tempdir().expect("a folder");
+    let run = render(dir.path(), arguments);
+    assert!(run.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&run.stderr));
+    fs::read(dir.path().join("image.png")).expect("a picture")
+}
+
+/// Fails when noise depends on waves, a bounce numbers its rays anew in each of them, or sums depend on who traced what.
+#[test]
+fn a_picture_depends_on_its_seed_alone() {
+    let common = ["yard", "--size", "61x40", "--spp", "3", "--bounces", "2", "--seed", "5"];
+    let with = |more: &[&str]| rendered(&[&common, more].concat());
+    let picture = with(&["--devices", "cpu:1", "--memory", "4G"]);
+    for other in [
+        &["--devices", "cpu:1", "--memory", "1M"][..],
+        &["--devices", "cpu:1", "--memory", "1500K", "--task-size", "64"],
+        &["--devices", "cpu:1,cpu:1", "--queue", "static", "--tasks", "7"],
+        &["--devices", "cpu:2", "--memory", "1M", "--estimator", "exact", "--queue", "central"],
+    ] {
+        assert!(with(other) == picture, "another picture with {other:?}");
+    }
+    let seed = common.map(|word| if word == "5" { "6" } else { word });
+    assert!(rendered(&[&seed[..], &["--devices", "cpu:1"]].concat()) != picture, "the seed changes nothing");
+}
+
+/// What no machine has room for is refused at once, with what it needs and what there is.
+#[test]
+fn pictures_beyond_the_memory_are_refused_with_both_numbers() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let size = ["yard", "--size", "65536x65536", "--spp", "4096", "--task-size", "1", "--devices", "cpu:1"];
+    let run = render(dir.path(), &size);
+    let error = String::from_utf8_lossy(&run.stderr).into_owned();
+    assert_eq!(run.status.code(), Some(1), "{error}");
+    for part in ["65536 x 65536 pixels", "12 bytes a pixel", "needs about", "GB", "choose a smaller --size"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
+}
+
+/// Fails when the limit of the address space is not looked at, or a large vector is asked for without a way to fail.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_limited_address_space_ends_in_an_error() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let limited = |kilobytes: u64, size: &str| {
+        let program = env!("CARGO_BIN_EXE_raybalance");
+        let out = dir.path().display();
+        let line = format!(
+            "ulimit -v {kilobytes}; exec {program} render yard --size {size} --spp 1 --bounces 0 --devices cpu:1 --memory 64M --out {out}"
+        );
+        let run = Command::new("sh").arg("-c").arg(line).output().expect("a shell");
+        (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
+    };
+    let (code, error) = limited(8_000_000, "40000x40000");
+    assert_eq!(code, Some(1), "{error}");
+    assert!(
+        error.contains("needs about") && error.contains("12 bytes a pixel") && error.contains("ulimit -v"),
+        "{error}"
+    );
+    let (code, error) = limited(8_000_000, "64x40");
+    assert_eq!(code, Some(0), "{error}");
+}
