@@ -1,8 +1,9 @@
 //! Who is right where tracers differ: answers of tracers that work in single precision, put to the exact reference.
 //!
-//! [`Verdict::admits`] is for kernels that decide in double precision and report the defined numbers. Others (Embree,
-//! obvhs, our own `fast`) promise less: of hits at one distance any, and a `t` that is as exact as their arithmetic. So
-//! an answer of theirs that the verdict does not admit is either another of tied hits, or an [`Error`] of a named kind.
+//! [`Verdict::is_right`] is for tracers that keep our definition of a hit. Others (Embree, obvhs, our own `fast`) promise less: of
+//! hits at one distance any, a `t` that is as exact as their arithmetic, and of rays that come within
+//! [`rt_verify::exact::NEARNESS`] of an edge either answer. So an answer of theirs is right, another of tied hits, or an [`Error`]
+//! of a named kind.
 
 use rt_core::{Hit, Query, Ray, Triangle};
 use rt_verify::reference::{Nearest, Verdict, meeting};
@@ -14,7 +15,7 @@ const U: f64 = 1.0 / (1 << 24) as f64;
 /// What an answer is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
-    /// What the exact reference says, or one of its candidates.
+    /// What the exact reference says, or what it admits.
     Right,
     /// A triangle that is hit at the distance of the right one, to within the reference's tolerances: a tie.
     Tie,

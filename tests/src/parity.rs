@@ -11,7 +11,7 @@ use rt_core::{
 };
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::{Reference, Verdict};
-use rt_verify::tree;
+use rt_verify::{exact, tree};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -46,11 +46,11 @@ const AIMS: [Option<Aim>; 12] = [
 pub struct Exam<'a> {
     triangles: &'a [Triangle],
     rays: Vec<(Ray, u32)>,
-    /// The exact verdict, and the answer of brute force in double precision.
+    /// The exact verdict, and the answer of brute force.
     answers: Vec<(Verdict, Hit)>,
 }
 
-/// How many rays the exact reference leaves open.
+/// On how many rays tracers of another definition than the exact one may differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ambiguity {
     /// Ambiguous rays of all aims; those aimed at edges and vertices are meant to be.
@@ -81,10 +81,8 @@ impl Ambiguity {
 pub struct Marks {
     /// Rays that hit something.
     pub hits: usize,
-    /// Answers that the exact reference does not admit, or whose numbers are not the defined ones. Must be 0.
+    /// Answers that are not the right one, or whose numbers are not the defined ones. Must be 0.
     pub disagreements: usize,
-    /// Ambiguous rays on which brute force in double precision gives another of the admitted answers.
-    pub other_choices: usize,
     /// The first disagreement, for a person.
     pub first: Option<String>,
 }
@@ -194,7 +192,7 @@ impl<'a> Exam<'a> {
         self.rays.len()
     }
 
-    /// How many rays are ambiguous.
+    /// How many rays are ambiguous to tracers of other definitions.
     #[must_use]
     pub fn ambiguity(&self) -> Ambiguity {
         let mut found = Ambiguity::default();
@@ -250,16 +248,14 @@ impl<'a> Exam<'a> {
         for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(hits) {
             let right = self.is_defined(ray, hit)
                 && match query {
-                    Query::Closest => verdict.admits(hit.primitive, hit.t),
-                    Query::Any => verdict.admits_presence(hit.is_hit()),
+                    Query::Closest => verdict.is_right(hit) && hit == brute,
+                    Query::Any => verdict.right().is_some() == hit.is_hit(),
                 };
             if !right {
                 marks.disagreements += 1;
                 marks.first.get_or_insert_with(|| {
-                    format!("{query:?}, {ray:?}: {hit:?}, but {verdict:?}; brute force says {brute:?}")
+                    format!("{query:?}, {ray:?}: {hit:?}, but {verdict}; brute force says {brute:?}")
                 });
-            } else if query == Query::Closest && hit != brute {
-                marks.other_choices += 1;
             }
         }
         marks
@@ -278,10 +274,13 @@ impl<'a> Exam<'a> {
         tallies
     }
 
-    /// Whether a hit's numbers are those of its triangle.
+    /// Whether a hit's numbers are those of its triangle; those of the distance, in whole numbers as well.
     fn is_defined(&self, ray: &Ray, hit: &Hit) -> bool {
         match self.triangles.get(hit.primitive as usize) {
-            Some(triangle) => intersect::hit(ray, triangle, hit.primitive).as_ref() == Some(hit),
+            Some(triangle) => {
+                intersect::hit(ray, triangle, hit.primitive).as_ref() == Some(hit)
+                    && exact::hit(ray, triangle) == Some(hit.t)
+            }
             None => *hit == Hit::MISS,
         }
     }

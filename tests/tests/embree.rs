@@ -145,10 +145,10 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
                     let hits = trace_all(&**device, &scene, &rays, spec).map_err(TestCaseError::fail)?;
                     for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
                         let right = match query {
-                            Query::Closest => verdict.admits(hit.primitive, hit.t),
-                            Query::Any => verdict.admits_presence(hit.is_hit()),
+                            Query::Closest => verdict.is_right(hit),
+                            Query::Any => verdict.right().is_some() == hit.is_hit(),
                         };
-                        prop_assert!(right, "{name}, {query:?}, {precision:?}: {hit:?} but {verdict:?} for {ray:?}");
+                        prop_assert!(right, "{name}, {query:?}, {precision:?}: {hit:?} but {verdict} for {ray:?}");
                     }
                     let first = first.get_or_insert_with(|| hits.clone());
                     prop_assert!(

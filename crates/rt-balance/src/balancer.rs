@@ -150,7 +150,15 @@ impl Balancer {
         let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
         let limits = scheduling.limits;
         // Nothing of this is left half done by a panic but what devices are at.
-        let traced = catch_unwind(AssertUnwindSafe(|| self.trace_into(stream, scheduling, &mut output, control)));
+        let traced = catch_unwind(AssertUnwindSafe(|| {
+            loop {
+                match self.trace_into(stream, scheduling, &mut output, control) {
+                    // All that began have failed, but some were late. Each time round at least one device fewer is alive.
+                    Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(Member::may_come) => {}
+                    traced => return traced,
+                }
+            }
+        }));
         traced.unwrap_or_else(|panic| {
             // The panic is what the caller wants to know.
             let _ = settle(&mut self.members, &limits, Control { progress: None, ..control });

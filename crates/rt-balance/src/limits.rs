@@ -50,6 +50,7 @@ pub(crate) const GRACE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(10);
 
 /// What a wait ended with.
+#[expect(clippy::large_enum_variant, reason = "looked at once where it is made, and stored nowhere")]
 #[derive(Debug)]
 pub(crate) enum Heard {
     Answer(Answer),

@@ -100,6 +100,11 @@ impl Member {
         self.worker.is_some() && self.pending == 0 && self.rest.is_none() && !self.out
     }
 
+    /// Whether it may still have a part in the current stream.
+    pub(crate) const fn may_come(&self) -> bool {
+        self.worker.is_some() && !self.out
+    }
+
     /// Asks for something; the answer goes to `to`.
     pub(crate) fn ask(&mut self, call: Call, to: &Sender<Answer>) {
         let Some(worker) = &self.worker else { return };

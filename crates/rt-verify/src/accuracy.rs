@@ -103,16 +103,16 @@ fn ulp_error(ray: &Ray, triangle: &Triangle, t: f32) -> Option<f64> {
     Some((f64::from(t) - exact).abs() / unit)
 }
 
-/// What the exact reference says of some rays: which are ambiguous, and which answers are wrong in any case.
+/// What the exact reference says of some rays.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Sampled {
     /// Rays looked at.
     pub rays: u64,
-    /// Rays on which careful kernels may differ.
+    /// Rays on which tracers of other definitions than the exact one may differ.
     pub ambiguous: u64,
-    /// Unambiguous rays with a wrong answer.
+    /// Other rays with a wrong triangle, or a wrong miss.
     pub wrong: Wrong,
-    /// Ambiguous rays whose answer is none of the candidates.
+    /// Ambiguous rays with one.
     pub wrong_ambiguous: u64,
 }
 
@@ -124,8 +124,8 @@ pub fn sample(triangles: &[Triangle], rays: &[(Ray, u32)], hits: &[Hit], query: 
     let (mut ambiguous, mut wrong, mut wrong_ambiguous) = (0, 0, 0);
     for (verdict, hit) in verdicts.iter().zip(hits) {
         let right = match query {
-            Query::Closest => verdict.admits_primitive(hit.primitive),
-            Query::Any => verdict.admits_presence(hit.is_hit()),
+            Query::Closest => verdict.right().map_or(u32::MAX, |right| right.primitive) == hit.primitive,
+            Query::Any => verdict.right().is_some() == hit.is_hit(),
         };
         ambiguous += u64::from(verdict.is_ambiguous());
         *if verdict.is_ambiguous() { &mut wrong_ambiguous } else { &mut wrong } += u64::from(!right);

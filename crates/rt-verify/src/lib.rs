@@ -5,8 +5,8 @@
 //!
 //! What the cases are made of is here as well, for other tests to use:
 //!
-//! * [`mod@reference`]: the exact answer for a ray, or the reason why there is more than one ([`exact`] decides one
-//!   triangle); [`brute`]: the defined bits.
+//! * [`mod@reference`]: the one right answer for a ray, and what tracers of other definitions may say ([`exact`] decides one
+//!   triangle); [`brute`]: the same by the kernels' own test.
 //! * [`shapes`], [`rays`]: triangles and rays that make trouble; [`closed`]: surfaces that no ray may leave.
 //! * [`accuracy`]: hits compared with double precision, and with the exact reference on a sample.
 //! * [`tree`]: triangles turned into scenes, and `rt_bvh`'s own answers.

@@ -11,7 +11,8 @@ pub enum Promise {
     Watertight = 1,
     /// No mesh makes the builder panic, hang or exceed the depth that traversal has room for.
     AnyMesh = 2,
-    /// An unambiguous ray has the one right hit, an ambiguous one a candidate's.
+    /// Every ray has the one right hit, to the last bit of its distance. Tracers that follow another definition of a hit are held
+    /// to it on rays that are not ambiguous to them, and to the candidates on others.
     Agreement = 3,
     /// Of hits at the same distance the lowest primitive id is reported.
     Ties = 4,
@@ -56,7 +57,7 @@ impl Promise {
         match self {
             Self::Watertight => "no ray gets through a closed surface",
             Self::AnyMesh => "no mesh makes a build panic, hang or too deep",
-            Self::Agreement => "the exact reference's hit, or one of its candidates",
+            Self::Agreement => "every hit is the exact one",
             Self::Ties => "ties go to the lowest primitive id",
             Self::ScaleInvariance => "powers of two change no bit of a hit",
             Self::PriceOfRobustness => "robust is at most 25% slower than fast",

@@ -1,13 +1,16 @@
-//! The nearest hit of a ray with a set of triangles, decided in whole numbers, or the reason why it is not decided.
+//! The nearest hit of a ray with a set of triangles, decided in whole numbers.
 //!
-//! A ray is *ambiguous* when kernels that keep the tolerances of [`crate::exact`] may rightly differ: a triangle is met
-//! near its edge, two hits are a few roundings apart, or a hit lies at a limit of `t`. Whether it is says this module
-//! alone, never a comparison of kernels. An ambiguous ray must still hit one of its candidates.
+//! A hit is defined exactly (`rt_core::intersect`), so every ray has one right answer: a triangle and the bits of its distance, or
+//! a miss. That is what our own devices are held to, on every ray ([`Verdict::is_right`]).
+//!
+//! Tracers that follow another definition, in double precision or less, may rightly differ where the ray comes within
+//! [`crate::exact::NEARNESS`] of a triangle's edge, where two hits are a few roundings apart, or where a hit lies at a limit of `t`:
+//! such a ray is *ambiguous* to them ([`Verdict::admits`]). Whether it is says this module alone, never a comparison of tracers, and
+//! an ambiguous ray must still hit one of its candidates.
 
 use crate::brute;
-use crate::exact::{self, Contact, EDGE_TOLERANCE};
+use crate::exact::{self, Contact, NEARNESS};
 use core::fmt;
-use glam::DVec3;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray, Triangle};
 use std::collections::HashSet;
@@ -20,18 +23,32 @@ pub const T_ULPS: u32 = 2;
 /// a batch.
 const BLOCK: usize = 1024;
 
-/// What a correct kernel may report as the nearest hit of a ray.
+/// The nearest hit of a ray: the right answer, and what tracers of other definitions may say.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Verdict {
-    /// Only this.
-    Unambiguous(Option<Nearest>),
-    /// One of several.
-    Ambiguous {
-        /// The triangles that may be reported, in the order of their ids.
-        candidates: Vec<Nearest>,
-        /// Whether a miss may be reported as well.
-        may_miss: bool,
-    },
+pub struct Verdict {
+    right: Option<Right>,
+    candidates: Vec<Nearest>,
+    may_miss: bool,
+}
+
+/// The one right hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Right {
+    /// Position of the triangle in the list the reference was made from.
+    pub primitive: u32,
+    /// Its distance, rounded once.
+    pub t: f32,
+}
+
+/// A triangle that may be reported, and the distances that may be reported with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// Position of the triangle in the list the reference was made from.
+    pub primitive: u32,
+    /// Whether every careful tracer hits it, so that only the order of hits is in doubt.
+    pub certain: bool,
+    /// Least and greatest `t`, both included.
+    pub t: [f32; 2],
 }
 
 /// Most candidates that are written out.
@@ -39,20 +56,22 @@ const SHOWN: usize = 3;
 
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (candidates, may_miss) = match self {
-            Self::Unambiguous(None) => return f.write_str("it must miss"),
-            Self::Unambiguous(Some(nearest)) => return write!(f, "it must hit {nearest}"),
-            Self::Ambiguous { candidates, may_miss } => (candidates, may_miss),
-        };
-        write!(f, "it may hit ")?;
-        for (i, candidate) in candidates.iter().take(SHOWN).enumerate() {
+        match self.right {
+            None => write!(f, "it misses")?,
+            Some(Right { primitive, t }) => write!(f, "it hits {primitive} at {t:e}")?,
+        }
+        if !self.is_ambiguous() {
+            return Ok(());
+        }
+        write!(f, " (within tolerances it may hit ")?;
+        for (i, candidate) in self.candidates.iter().take(SHOWN).enumerate() {
             write!(f, "{}{candidate}", if i == 0 { "" } else { ", " })?;
         }
-        let more = candidates.len().saturating_sub(SHOWN);
+        let more = self.candidates.len().saturating_sub(SHOWN);
         if more > 0 {
             write!(f, " or {more} others")?;
         }
-        f.write_str(if *may_miss { ", or miss" } else { "" })
+        f.write_str(if self.may_miss { ", or miss)" } else { ")" })
     }
 }
 
@@ -62,71 +81,58 @@ impl fmt::Display for Nearest {
     }
 }
 
-/// A triangle that may be reported, and the distances that may be reported with it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Nearest {
-    /// Position of the triangle in the list the reference was made from.
-    pub primitive: u32,
-    /// Whether every kernel hits it, so that only the order of hits is in doubt.
-    pub certain: bool,
-    /// Least and greatest `t`, both included.
-    pub t: [f32; 2],
-}
-
 impl Verdict {
-    /// Whether a kernel may report `primitive` (`u32::MAX`: a miss) at distance `t`.
+    /// The right hit; `None` where the ray misses.
+    #[must_use]
+    pub const fn right(&self) -> Option<Right> {
+        self.right
+    }
+
+    /// Whether a nearest hit is the right one, to the last bit of its distance. Weights are not looked at.
+    #[must_use]
+    pub fn is_right(&self, hit: &Hit) -> bool {
+        match self.right {
+            None => !hit.is_hit(),
+            Some(right) => hit.primitive == right.primitive && hit.t.to_bits() == right.t.to_bits(),
+        }
+    }
+
+    /// Whether a tracer of another definition may report `primitive` (`u32::MAX`: a miss) at distance `t`.
     #[must_use]
     pub fn admits(&self, primitive: u32, t: f32) -> bool {
         let fits = |n: &Nearest| n.primitive == primitive && n.t[0] <= t && t <= n.t[1];
-        match self {
-            Self::Unambiguous(None) => primitive == u32::MAX,
-            Self::Unambiguous(Some(nearest)) => fits(nearest),
-            Self::Ambiguous { candidates, may_miss } => {
-                candidates.iter().any(fits) || (*may_miss && primitive == u32::MAX)
-            }
-        }
+        self.candidates.iter().any(fits) || (self.may_miss && primitive == u32::MAX)
     }
 
     /// [`Verdict::admits`] without a look at the distance.
     #[must_use]
     pub fn admits_primitive(&self, primitive: u32) -> bool {
-        match self {
-            Self::Unambiguous(nearest) => nearest.map_or(u32::MAX, |n| n.primitive) == primitive,
-            Self::Ambiguous { candidates, may_miss } => {
-                candidates.iter().any(|n| n.primitive == primitive) || (*may_miss && primitive == u32::MAX)
-            }
-        }
+        self.candidates.iter().any(|n| n.primitive == primitive) || (self.may_miss && primitive == u32::MAX)
     }
 
-    /// Whether a kernel may report that there is a hit (`true`) or none.
+    /// Whether such a tracer may report that there is a hit (`true`) or none.
     #[must_use]
     pub const fn admits_presence(&self, hit: bool) -> bool {
-        match self {
-            Self::Unambiguous(nearest) => nearest.is_some() == hit,
-            Self::Ambiguous { may_miss, .. } => hit || *may_miss,
-        }
+        if hit { !self.candidates.is_empty() } else { self.may_miss }
     }
 
     /// The triangles that may be reported, in the order of their ids.
     #[must_use]
     pub fn candidates(&self) -> &[Nearest] {
-        match self {
-            Self::Unambiguous(nearest) => nearest.as_slice(),
-            Self::Ambiguous { candidates, .. } => candidates,
-        }
+        &self.candidates
     }
 
     /// Whether the ray is ambiguous only because of hits that lie within a few roundings of each other, as on faces
     /// that were modelled twice.
     #[must_use]
     pub fn is_tie(&self) -> bool {
-        matches!(self, Self::Ambiguous { candidates, .. } if candidates.iter().all(|c| c.certain))
+        self.is_ambiguous() && self.candidates.iter().all(|c| c.certain)
     }
 
-    /// Whether kernels may differ on the ray.
+    /// Whether tracers of other definitions may differ on the ray.
     #[must_use]
     pub const fn is_ambiguous(&self) -> bool {
-        matches!(self, Self::Ambiguous { .. })
+        self.candidates.len() + self.may_miss as usize != 1
     }
 }
 
@@ -136,7 +142,6 @@ pub struct Reference<'a> {
     triangles: &'a [Triangle],
     /// `coordinates[3 · vertex + axis]`, one entry for each triangle.
     coordinates: [Vec<f32>; 9],
-    bounds: [DVec3; 2],
 }
 
 impl<'a> Reference<'a> {
@@ -144,56 +149,52 @@ impl<'a> Reference<'a> {
     #[must_use]
     pub fn new(triangles: &'a [Triangle]) -> Self {
         let coordinates = core::array::from_fn(|i| triangles.iter().map(|t| t.vertices()[i / 3][i % 3]).collect());
-        let finite = triangles.iter().filter(|t| t.is_finite()).flat_map(|t| t.vertices());
-        let bounds =
-            finite.fold([DVec3::MAX, DVec3::MIN], |[min, max], p| [min.min(p.as_dvec3()), max.max(p.as_dvec3())]);
-        Self { triangles, coordinates, bounds }
+        Self { triangles, coordinates }
     }
 
     /// The nearest hit of `ray`, the triangle `origin` (`u32::MAX`: none) left out.
     #[must_use]
     pub fn resolve(&self, ray: &Ray, origin: u32) -> Verdict {
-        let mut verdicts = self.resolve_all(&[(*ray, origin)]);
-        verdicts.pop().unwrap_or(Verdict::Unambiguous(None))
+        self.resolve_all(&[(*ray, origin)]).pop().unwrap_or_else(|| nearest_of(&[], self.triangles))
     }
 
     /// [`Reference::resolve`] for several rays, which share the passes over the triangles: give some dozens at once.
     #[must_use]
     pub fn resolve_all(&self, rays: &[(Ray, u32)]) -> Vec<Verdict> {
         let verdict = |((ray, origin), ids): (&(Ray, u32), Vec<u32>)| {
-            nearest_of(&self.candidates(ray, *origin, &ids), self.triangles)
+            nearest_of(&self.meetings(ray, *origin, &ids), self.triangles)
         };
         rays.iter().zip(self.survivors(rays)).map(verdict).collect()
     }
 
-    /// [`Reference::resolve_all`] and, beside each verdict, the answer of brute force in double precision.
+    /// [`Reference::resolve_all`] and, beside each verdict, the answer of brute force with the kernels' own test.
     #[must_use]
     pub fn answers(&self, rays: &[(Ray, u32)]) -> Vec<(Verdict, Hit)> {
         let answer = |((ray, origin), ids): (&(Ray, u32), Vec<u32>)| {
-            let verdict = nearest_of(&self.candidates(ray, *origin, &ids), self.triangles);
-            // What does not survive the filter is a miss in double precision too.
+            let verdict = nearest_of(&self.meetings(ray, *origin, &ids), self.triangles);
+            // What does not survive the filter is a miss.
             (verdict, brute::closest_among(self.triangles, ids, ray, *origin))
         };
         rays.iter().zip(self.survivors(rays)).map(answer).collect()
     }
 
-    /// Whether a kernel may answer `primitive` (`u32::MAX`: a miss) when asked for any hit.
+    /// Whether an answer to the question for any hit is right: one of the ray's hits, or a miss where there is none.
     #[must_use]
-    pub fn admits_any(&self, ray: &Ray, origin: u32, primitive: u32) -> bool {
+    pub fn is_right_any(&self, ray: &Ray, origin: u32, hit: &Hit) -> bool {
         let ids = self.survivors(&[(*ray, origin)]).pop().unwrap_or_default();
-        let candidates = self.candidates(ray, origin, &ids);
-        if primitive == u32::MAX {
-            candidates.iter().all(|c| !c.certain)
+        let mut hits = self.meetings(ray, origin, &ids).into_iter().filter_map(|(right, _)| right);
+        if hit.is_hit() {
+            hits.any(|right| right.primitive == hit.primitive && right.t.to_bits() == hit.t.to_bits())
         } else {
-            candidates.iter().any(|c| c.primitive == primitive)
+            hits.next().is_none()
         }
     }
 
     /// For each ray, the triangles that are not clearly missed by its line, in the order of their ids: a superset of
-    /// what any kernel within the tolerances can hit.
+    /// what any tracer within the tolerances can hit.
     #[must_use]
     pub fn survivors(&self, rays: &[(Ray, u32)]) -> Vec<Vec<u32>> {
-        let lines: Vec<Line> = rays.iter().map(|(ray, _)| Line::new(ray, &self.bounds)).collect();
+        let lines: Vec<Line> = rays.iter().map(|(ray, _)| Line::new(ray)).collect();
         let mut found = vec![Vec::new(); rays.len()];
         let mut kept = [0_u8; BLOCK];
         for first in (0..self.triangles.len()).step_by(BLOCK) {
@@ -211,27 +212,36 @@ impl<'a> Reference<'a> {
         found
     }
 
-    fn candidates(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<Nearest> {
+    fn meetings(&self, ray: &Ray, origin: u32, ids: &[u32]) -> Vec<(Option<Right>, Option<Nearest>)> {
         ids.iter()
             .filter(|id| **id != origin)
-            .filter_map(|&id| meeting(ray, id, &self.triangles[id as usize]))
+            .map(|&id| decide(ray, id, &self.triangles[id as usize]))
+            .filter(|(right, nearest)| right.is_some() || nearest.is_some())
             .collect()
     }
 }
 
-/// How a valid `ray` meets one triangle, whatever is before it; `None` for a clear miss.
+/// How a valid `ray` meets one triangle, whatever is before it, as tracers of other definitions may see it; `None` for a clear miss.
 #[must_use]
 pub fn meeting(ray: &Ray, primitive: u32, triangle: &Triangle) -> Option<Nearest> {
-    let Contact { certain, t } = triangle.is_finite().then(|| exact::contact(ray, triangle))??;
+    decide(ray, primitive, triangle).1
+}
+
+/// The right hit of one triangle, and [`meeting`].
+fn decide(ray: &Ray, primitive: u32, triangle: &Triangle) -> (Option<Right>, Option<Nearest>) {
+    let contact = if triangle.is_finite() { exact::contact(ray, triangle) } else { None };
+    let Some(Contact { hit, certain, t }) = contact else { return (None, None) };
+    let limits = ray.tmin..=ray.tmax;
+    let right = hit.filter(|t| t.is_finite() && limits.contains(t)).map(|t| Right { primitive, t });
     let mut t = t.map(|t| t as f32);
     for _ in 0..T_ULPS {
         t = [t[0].next_down(), t[1].next_up()];
     }
     if t[1] < ray.tmin || t[0] > ray.tmax || t[0] == f32::INFINITY || t[1] == f32::NEG_INFINITY {
-        return None;
+        return (right, None);
     }
     let inside = ray.tmin <= t[0] && t[1] <= ray.tmax && t[1] < f32::INFINITY;
-    Some(Nearest { primitive, certain: certain && inside, t })
+    (right, Some(Nearest { primitive, certain: certain && inside, t }))
 }
 
 /// [`Reference::resolve`] for one ray and no origin.
@@ -240,50 +250,51 @@ pub fn resolve(ray: &Ray, triangles: &[Triangle]) -> Verdict {
     Reference::new(triangles).resolve(ray, u32::MAX)
 }
 
-/// Which of the candidates can be the nearest hit.
-fn nearest_of(candidates: &[Nearest], triangles: &[Triangle]) -> Verdict {
-    let sure = candidates.iter().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
-    let mut nearest: Vec<Nearest> = Vec::new();
+/// Which of the meetings is the nearest hit, and which may be taken for it.
+fn nearest_of(meetings: &[(Option<Right>, Option<Nearest>)], triangles: &[Triangle]) -> Verdict {
+    // Ids rise, so of equal distances the first is right.
+    let right = meetings.iter().filter_map(|(right, _)| *right).min_by(|a, b| a.t.total_cmp(&b.t));
+    let seen_by_others = || meetings.iter().filter_map(|(_, nearest)| *nearest);
+    let sure = seen_by_others().filter(|c| c.certain).map(|c| c.t[1]).min_by(f32::total_cmp);
+    let mut candidates: Vec<Nearest> = Vec::new();
     let mut seen = HashSet::new();
-    for candidate in candidates.iter().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
-        // The same three vertices make the same `t` in every kernel, so of duplicates only the lowest id can win. Adding
+    for candidate in seen_by_others().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
+        // The same three vertices make the same `t` in every tracer, so of duplicates only the lowest id can win. Adding
         // zero makes the two zeros one.
         let corners = triangles[candidate.primitive as usize].vertices();
         if seen.insert(corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()))) {
-            nearest.push(*candidate);
+            candidates.push(candidate);
         }
     }
-    match (&nearest[..], sure) {
-        ([], _) => Verdict::Unambiguous(None),
-        ([only], Some(_)) => Verdict::Unambiguous(Some(*only)),
-        _ => Verdict::Ambiguous { candidates: nearest, may_miss: sure.is_none() },
-    }
+    Verdict { right, candidates, may_miss: sure.is_none() }
 }
 
-/// A line sheared onto its dominant axis, as `rt_core::intersect` does it, and what its edge functions cannot exceed
-/// by error.
+/// A line sheared onto its dominant axis, after S. Woop, C. Benthin and I. Wald (2013).
 struct Line {
     origin: [f64; 3],
     shear: [f64; 2],
     axes: [usize; 3],
-    /// Edge functions beyond this are beyond [`EDGE_TOLERANCE`] in exact arithmetic too.
-    doubt: f64,
 }
 
+/// Twice the share of R · S, below, that a line within [`NEARNESS`] of a triangle can make an edge function's sign wrong by.
+const DOUBT: f64 = 16.0 * NEARNESS;
+
 impl Line {
-    fn new(ray: &Ray, bounds: &[DVec3; 2]) -> Self {
+    fn new(ray: &Ray) -> Self {
         let axes = shear_axes(ray.direction);
         let (o, d) = (ray.origin.as_dvec3(), ray.direction.as_dvec3());
-        let reach = (bounds[0] - o).abs().max((bounds[1] - o).abs()).max_element();
-        // The magnitude of an edge function is at most 2 · (2 · reach)²; it is found with an error below an eighth of
-        // the tolerance, so twice the tolerance leaves no doubt.
-        let doubt = 2.0 * EDGE_TOLERANCE * 8.0 * reach * reach;
         let shear = [d[axes[0]] / d[axes[2]], d[axes[1]] / d[axes[2]]];
-        Self { origin: axes.map(|axis| o[axis]), shear, axes, doubt }
+        Self { origin: axes.map(|axis| o[axis]), shear, axes }
     }
 
     /// Marks with 1 the triangles from `first` on that are not clearly missed. Without branches, so that it compiles
     /// to vector instructions.
+    ///
+    /// Let X, Y, Z bound the sheared |x|, |y| and the |z| of the vertices, S = X + Y, and R = S + Z, so that no coordinate relative
+    /// to the origin is above R and no distance above √3·R. A line within [`NEARNESS`] N of the triangle passes it, in the sheared
+    /// plane, by at most √3 times that: r ≤ 3·N·R. Displaced by r it meets the triangle, and edge functions have one sign; each
+    /// changes by at most r times the length of its edge, 2·S and what S itself changes by. So no two edge functions can be beyond
+    /// 6·N·R·(S + 3·N·R) on opposite sides. Rounding adds some 2⁻⁵³ of R·S, far below the rest of `DOUBT`.
     fn filter(&self, coordinates: &[Vec<f32>; 9], first: usize, kept: &mut [u8]) {
         let n = kept.len();
         let of = |vertex: usize| self.axes.map(|axis| &coordinates[3 * vertex + axis][first..][..n]);
@@ -292,9 +303,10 @@ impl Line {
             let z = f64::from(z) - self.origin[2];
             let x = f64::from(x) - self.origin[0] - self.shear[0] * z;
             let y = f64::from(y) - self.origin[1] - self.shear[1] * z;
-            (x, y)
+            (x, y, z)
         };
-        let (above, below) = (self.doubt, -self.doubt);
+        let greater = |a: f64, b: f64| if a > b { a } else { b };
+        let largest = |a: f64, b: f64, c: f64| greater(greater(a.abs(), b.abs()), c.abs());
         for i in 0..n {
             let a = project(ax[i], ay[i], az[i]);
             let b = project(bx[i], by[i], bz[i]);
@@ -302,6 +314,10 @@ impl Line {
             let u = c.0 * b.1 - c.1 * b.0;
             let v = a.0 * c.1 - a.1 * c.0;
             let w = b.0 * a.1 - b.1 * a.0;
+            let size = largest(a.0, b.0, c.0) + largest(a.1, b.1, c.1);
+            let reach = size + largest(a.2, b.2, c.2);
+            let above = DOUBT * reach * (size + 4.0 * NEARNESS * reach);
+            let below = -above;
             let positive = (u > above) | (v > above) | (w > above);
             let negative = (u < below) | (v < below) | (w < below);
             kept[i] = u8::from(!(positive & negative));
@@ -321,10 +337,14 @@ mod tests {
     }
 
     fn only(verdict: &Verdict) -> Option<u32> {
-        match verdict {
-            Verdict::Unambiguous(nearest) => nearest.map(|n| n.primitive),
-            Verdict::Ambiguous { .. } => panic!("ambiguous: {verdict:?}"),
-        }
+        assert!(!verdict.is_ambiguous(), "ambiguous: {verdict:?}");
+        let right = verdict.right().map(|right| right.primitive);
+        assert_eq!(verdict.candidates().first().map(|candidate| candidate.primitive), right);
+        right
+    }
+
+    fn hit(primitive: u32, t: f32) -> Hit {
+        Hit { t, u: 0.0, v: 0.0, primitive }
     }
 
     // Guards against: `max_by` for `min_by`, comparing with the limits the wrong way round, ids lost in the filter.
@@ -340,28 +360,37 @@ mod tests {
         assert_eq!(only(&resolve(&ray.with_range(2.0, 1.0), &triangles)), None);
     }
 
+    // Guards against: tolerances in what is right, none in what others may say.
     #[test]
-    fn ties_edges_and_limits_are_ambiguous_and_duplicates_are_not() {
+    fn ties_edges_and_limits_have_one_right_answer_and_others_that_are_admitted() {
         let ray = Ray::new(Vec3::new(0.25, 0.25, -1.0), Vec3::Z);
         assert_eq!(only(&resolve(&ray, &[at_depth(1.0), UNIT, UNIT])), Some(1));
         let tie = resolve(&ray, &[at_depth(0.0), UNIT]);
         assert!(tie.admits(0, 1.0) && tie.admits(1, 1.0) && !tie.admits(u32::MAX, f32::INFINITY));
         assert!(!tie.admits(0, 1.000_01) && !tie.admits(2, 1.0));
+        assert!(tie.is_right(&hit(0, 1.0)) && !tie.is_right(&hit(1, 1.0)) && !tie.is_right(&Hit::MISS));
+        assert!(!tie.is_right(&hit(0, 1.0_f32.next_up())));
         let limit = resolve(&ray.with_range(0.0, 1.0), &[UNIT]);
         assert!(limit.is_ambiguous() && limit.admits(u32::MAX, f32::INFINITY) && limit.admits(0, 1.0));
+        assert!(limit.is_right(&hit(0, 1.0)) && !limit.is_right(&Hit::MISS));
+        let before = resolve(&ray.with_range(0.0, 1.0_f32.next_down()), &[UNIT]);
+        assert!(before.is_right(&Hit::MISS) && !before.is_right(&hit(0, 1.0)) && before.admits(0, 1.0));
         let edge = resolve(&Ray::new(Vec3::new(0.5, 0.5, -1.0), Vec3::Z), &[UNIT, at_depth(4.0)]);
         assert!(edge.admits(0, 1.0) && edge.admits(1, 5.0) && !edge.admits(u32::MAX, f32::INFINITY));
+        assert!(edge.is_right(&hit(0, 1.0)) && !edge.is_right(&hit(1, 5.0)));
         // A doubtful triangle behind a certain hit does not matter.
         let behind = resolve(&Ray::new(Vec3::new(0.5, 0.5, -9.0), Vec3::Z), &[UNIT, at_depth(-4.0)]);
         assert_eq!(only(&behind), Some(1));
     }
 
     #[test]
-    fn any_hit_admits_every_candidate_and_no_other() {
+    fn any_hit_may_be_every_hit_and_no_other() {
         let triangles = [at_depth(5.0), at_depth(2.0), at_depth(-1.0)];
         let reference = Reference::new(&triangles);
         let ray = Ray::new(Vec3::ZERO, Vec3::Z);
-        let admitted = [0, 1, 2, u32::MAX].map(|id| reference.admits_any(&ray, u32::MAX, id));
-        assert_eq!(admitted, [true, true, false, false]);
+        let right = |hit: Hit| reference.is_right_any(&ray, u32::MAX, &hit);
+        assert!(right(hit(0, 5.0)) && right(hit(1, 2.0)));
+        assert!(!right(hit(0, 5.0_f32.next_up())) && !right(hit(2, -1.0)) && !right(Hit::MISS));
+        assert!(reference.is_right_any(&ray.with_range(6.0, 9.0), u32::MAX, &Hit::MISS));
     }
 }

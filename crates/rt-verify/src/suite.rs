@@ -85,19 +85,22 @@ pub struct Subject {
     pub precision: Precision,
     /// Whether it walks the trees that `rt_bvh` builds. A tracer that builds its own is not judged by ours.
     pub walks_our_trees: bool,
+    /// Whether it promises hits as `rt_core::intersect` defines them: the one right answer to every ray, to the last bit of the
+    /// distance. Others may answer what careful tracers can see (`reference::Verdict::admits`).
+    pub exact: bool,
 }
 
 impl Subject {
     /// One of our own devices.
     #[must_use]
     pub fn new(device: Arc<dyn Device>, precision: Precision) -> Self {
-        Self { device, precision, walks_our_trees: true }
+        Self { device, precision, walks_our_trees: true, exact: precision != Precision::Fast }
     }
 
     /// A tracer that builds trees of its own.
     #[must_use]
     pub fn peer(device: Arc<dyn Device>) -> Self {
-        Self { device, precision: Precision::default(), walks_our_trees: false }
+        Self { device, precision: Precision::default(), walks_our_trees: false, exact: false }
     }
 }
 
@@ -186,6 +189,7 @@ impl Suite {
             device: &*subject.device,
             precision: subject.precision,
             walks_our_trees: subject.walks_our_trees,
+            exact: subject.exact,
             watch,
             span: Cell::new([0.0; 2]),
             case: Cell::new(""),
@@ -237,6 +241,7 @@ impl Suite {
 #[derive(Debug)]
 pub(crate) struct Exam {
     pub(crate) name: String,
+    pub(crate) triangles: Vec<Triangle>,
     pub(crate) scene: Arc<Scene>,
     pub(crate) rays: Vec<(Ray, u32)>,
     pub(crate) verdicts: Vec<Verdict>,
@@ -249,18 +254,18 @@ impl Exam {
     /// Rays of every aim at `triangles`, resolved on all cores.
     pub(crate) fn new(name: String, triangles: Vec<Triangle>, rays: u32, options: &Options) -> Result<Self, String> {
         let rays = RayMaker::new(&triangles, options.seed).mixed(rays);
-        Self::with_rays(name, &triangles, rays, options)
+        Self::with_rays(name, triangles, rays, options)
     }
 
     pub(crate) fn with_rays(
         name: String,
-        triangles: &[Triangle],
+        triangles: Vec<Triangle>,
         rays: Vec<(Ray, u32)>,
         options: &Options,
     ) -> Result<Self, String> {
-        let scene = tree::build(triangles, options.builder).map_err(|e| format!("{name}: {e}"))?;
-        let reference = Reference::new(triangles);
+        let scene = tree::build(&triangles, options.builder).map_err(|e| format!("{name}: {e}"))?;
+        let reference = Reference::new(&triangles);
         let verdicts = rays.par_chunks(BATCH).flat_map_iter(|batch| reference.resolve_all(batch)).collect();
-        Ok(Self { name, scene, rays, verdicts })
+        Ok(Self { name, triangles, scene, rays, verdicts })
     }
 }

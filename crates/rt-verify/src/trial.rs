@@ -54,6 +54,8 @@ pub(crate) struct Trial<'a> {
     pub(crate) device: &'a dyn Device,
     pub(crate) precision: Precision,
     pub(crate) walks_our_trees: bool,
+    /// [`crate::Subject::exact`].
+    pub(crate) exact: bool,
     pub(crate) watch: Watch<'a>,
     /// Where the case that runs begins and how much of the whole it is, in shares of 1.
     pub(crate) span: Cell<[f64; 2]>,

@@ -102,14 +102,14 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let triangles = scenes::triangles(&model);
     let camera = model.view.map(|view| view.camera()).transpose().map_err(|e| format!("{}: {e}", scene.name))?;
     let exam = Exam::new(&triangles, camera.as_ref(), arguments.rays, arguments.seed);
-    let (mut hits, mut wrong, mut other) = (0, 0, 0);
+    let (mut hits, mut wrong) = (0, 0);
     for &builder in Builder::ALL {
         let tree = tree::build(&triangles, builder)?;
         let wide = WideTree::new(&tree);
         for precision in [Precision::Robust, Precision::Double] {
             for query in [Query::Closest, Query::Any] {
                 for marks in [exam.mark(&tree, query, precision), exam.mark_wide(&wide, query, precision)] {
-                    (hits, wrong, other) = (marks.hits, wrong + marks.disagreements, other.max(marks.other_choices));
+                    (hits, wrong) = (marks.hits, wrong + marks.disagreements);
                     if let Some(first) = marks.first {
                         eprintln!("{}, {builder}, {precision:?}: {first}", scene.name);
                     }
@@ -120,7 +120,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let ambiguity = exam.ambiguity();
     println!(
         "\n{}: {} triangles, {} rays: {hits} hit, {} ambiguous; of {} random ones {} ties, {} doubtful; \
-         {other} other choices; {wrong} WRONG answers of ours; {:.1} s",
+         {wrong} WRONG answers of ours; {:.1} s",
         scene.name,
         triangles.len(),
         exam.rays(),
@@ -158,7 +158,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
         "random": ambiguity.random,
         "random_ties": ambiguity.random_ties,
         "random_doubtful": ambiguity.random_doubtful,
-        "ours": { "trees": 2 * Builder::ALL.len(), "other_choices": other, "wrong": wrong },
+        "ours": { "trees": 2 * Builder::ALL.len(), "wrong": wrong },
         "single_precision": reports,
     });
     Ok((wrong, report))

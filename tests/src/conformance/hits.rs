@@ -48,8 +48,8 @@ fn equals_brute_force(device: &dyn Device) -> Result<(), String> {
 fn check_closest(fixture: &Fixture, precision: Precision, hits: &[Hit]) -> Result<(), String> {
     for (i, (hit, verdict)) in hits.iter().zip(&fixture.verdicts).enumerate() {
         ensure!(
-            verdict.admits(hit.primitive, hit.t),
-            "{}, {precision:?}, ray {i} {:?}: {hit:?}, but {verdict:?}; brute force says {:?}",
+            verdict.is_right(hit),
+            "{}, {precision:?}, ray {i} {:?}: {hit:?}, but {verdict}; brute force says {:?}",
             fixture.name,
             fixture.rays[i],
             fixture.hits[i]
@@ -66,7 +66,7 @@ fn any_hit_equals_brute_force(device: &dyn Device) -> Result<(), String> {
             let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec(Query::Any, precision))?;
             for (i, (hit, (ray, origin))) in launch.hits.iter().zip(&fixture.rays).enumerate() {
                 ensure!(
-                    reference.admits_any(ray, *origin, hit.primitive),
+                    reference.is_right_any(ray, *origin, hit),
                     "{}, {precision:?}, ray {i} {ray:?}: {hit:?} is not a hit of it",
                     fixture.name
                 );

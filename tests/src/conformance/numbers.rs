@@ -83,7 +83,7 @@ fn directions_have_any_length(device: &dyn Device) -> Result<(), String> {
             let spec = StreamSpec { precision, ..StreamSpec::default() };
             let hits = Session::whole(device, &fixture.scene, &fixture.rays, spec)?.hits;
             for ((hit, verdict), (ray, _)) in hits.iter().zip(&fixture.verdicts).zip(&fixture.rays) {
-                ensure!(verdict.admits(hit.primitive, hit.t), "{precision:?}: {ray:?}: {hit:?}, but {verdict:?}");
+                ensure!(verdict.is_right(hit), "{precision:?}: {ray:?}: {hit:?}, but {verdict}");
             }
         }
     }
@@ -122,7 +122,7 @@ fn offsets_of_a_million_are_right(device: &dyn Device) -> Result<(), String> {
         let fixture = Fixture::new("offset", triangles, rays)?;
         let hits = Session::whole(device, &fixture.scene, &fixture.rays, StreamSpec::default())?.hits;
         for ((hit, verdict), (ray, _)) in hits.iter().zip(&fixture.verdicts).zip(&fixture.rays) {
-            ensure!(verdict.admits(hit.primitive, hit.t), "{offset}: {ray:?}: {hit:?}, but {verdict:?}");
+            ensure!(verdict.is_right(hit), "{offset}: {ray:?}: {hit:?}, but {verdict}");
         }
     }
     Ok(())

@@ -92,6 +92,24 @@ fn late_answers_are_taken_or_ignored() {
     }
 }
 
+/// Where all others fail, a device that was left out since it was late does it all.
+///
+/// Mutant: the stream ends when all devices that began it are lost.
+#[test]
+fn a_late_device_comes_to_help_where_all_others_fail() {
+    let late = Failure::Delay(Duration::from_millis(300));
+    let lost = Failure::Error(rt_core::DeviceErrorKind::Lost);
+    for lateness in [FaultyCall::Prepare, FaultyCall::Load] {
+        for loss in [FaultyCall::Walk, FaultyCall::Submit, FaultyCall::Wait] {
+            let what = format!("late at {lateness:?}, lost at {loss:?}");
+            let faults = [Fault::new(lateness, 0, late), Fault::new(loss, 0, lost)];
+            let mut balancer = balancer(&faults.map(|fault| faulty(fault) as Arc<dyn Device>));
+            let run = trace_well(&what, &mut balancer, &mut sampling(QueueKind::Hybrid, impatient()));
+            assert!(run.report.devices[0].error.is_none(), "{what}: {:?}", run.report.devices[0]);
+        }
+    }
+}
+
 /// Mutants: any of the waits does not look at the flag.
 #[test]
 fn cancelling_does_not_wait_for_a_device() {

@@ -1,12 +1,11 @@
 //! Hits equal the exact reference's: the triangle, the distance, and whether there is any.
 
-use super::count_primitives;
-use crate::Promise;
 use crate::report::Row;
-use crate::suite::Stopped;
+use crate::suite::{Exam, Stopped};
 use crate::tally::Tally;
 use crate::trial::{Refusal, Trial};
-use rt_core::Query;
+use crate::{Promise, exact};
+use rt_core::{Hit, Query, Ray};
 
 pub(super) const NAME: &str = "agreement";
 
@@ -24,16 +23,24 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     for (i, exam) in exams.iter().enumerate() {
         trial.advance(i as f64 / exams.len() as f64)?;
         let mut primitives = Tally::new(NAME, format!("triangles, {}", exam.name), Promise::Agreement);
-        let ambiguous = exam.verdicts.iter().filter(|verdict| verdict.is_ambiguous()).count();
-        primitives.note(format!("{ambiguous} rays are ambiguous"));
+        if !trial.exact {
+            let ambiguous = exam.verdicts.iter().filter(|verdict| verdict.is_ambiguous()).count();
+            primitives.note(format!("{ambiguous} rays are ambiguous"));
+        }
         match trial.trace(&exam.scene, &exam.rays, Query::Closest) {
             Ok(hits) => {
-                count_primitives(exam, &hits, &mut primitives);
                 for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {
-                    // A wrong triangle is counted above.
-                    if verdict.admits_primitive(hit.primitive) {
-                        let right = verdict.admits(hit.primitive, hit.t);
-                        distances.check(right, || format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name));
+                    let describe = || format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name);
+                    let [primitive, distance] = if trial.exact {
+                        let right = verdict.right().map_or(u32::MAX, |right| right.primitive);
+                        [hit.primitive == right, verdict.is_right(hit)]
+                    } else {
+                        [verdict.admits_primitive(hit.primitive), verdict.admits(hit.primitive, hit.t)]
+                    };
+                    primitives.check(primitive, describe);
+                    // A wrong triangle is counted there.
+                    if primitive {
+                        distances.check(distance, describe);
                     }
                 }
             }
@@ -43,7 +50,11 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
         match trial.trace(&exam.scene, &exam.rays, Query::Any) {
             Ok(hits) => {
                 for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {
-                    let right = verdict.admits_presence(hit.is_hit());
+                    let right = if trial.exact {
+                        verdict.right().is_some() == hit.is_hit() && is_one(exam, ray, hit)
+                    } else {
+                        verdict.admits_presence(hit.is_hit())
+                    };
                     presence.check(right, || format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name));
                 }
             }
@@ -52,4 +63,13 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     }
     rows.extend([distances.row(), presence.row()]);
     Ok(())
+}
+
+/// Whether a hit, if it is one, is a hit of the ray at all: that triangle, at that distance.
+fn is_one(exam: &Exam, ray: &Ray, hit: &Hit) -> bool {
+    !hit.is_hit()
+        || exam.triangles.get(hit.primitive as usize).is_some_and(|triangle| {
+            let t = exact::hit(ray, triangle);
+            t.is_some_and(|t| t.to_bits() == hit.t.to_bits() && ray.tmin <= t && t <= ray.tmax)
+        })
 }

@@ -1,7 +1,7 @@
 //! Triangles that are hardly there, and several that are in one place.
 
 use super::watertight::number;
-use super::{built, judge_primitives};
+use super::{built, judge_nearest};
 use crate::rays::RayMaker;
 use crate::report::Row;
 use crate::suite::{Exam, Stopped};
@@ -25,7 +25,7 @@ pub(super) fn thin(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped
         let mut tally = Tally::new(THIN, format!("width {}", number(width)), Promise::Agreement);
         let needles = shapes::needles(300, width, options.seed);
         if let Some(exam) = built(Exam::new("needles".to_owned(), needles, options.sample(), options), &mut tally) {
-            judge_primitives(trial, &exam, &mut tally);
+            judge_nearest(trial, &exam, &mut tally);
         }
         rows.push(tally.row());
     }

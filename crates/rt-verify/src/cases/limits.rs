@@ -1,6 +1,6 @@
 //! Rays at the ends: of what is valid, of the number format, and of `tmin` and `tmax`.
 
-use super::{built, judge_primitives};
+use super::{built, judge_nearest};
 use crate::rays::RayMaker;
 use crate::report::Row;
 use crate::suite::{Exam, Stopped};
@@ -176,13 +176,13 @@ fn subnormal(trial: &Trial<'_>) -> [Row; 2] {
         (Ray::new(ray.origin, direction), origin)
     };
     let rays = maker.mixed(options.sample()).into_iter().map(tiny).collect();
-    if let Some(exam) = built(Exam::with_rays("soup".to_owned(), &triangles, rays, options), &mut directions) {
-        judge_primitives(trial, &exam, &mut directions);
+    if let Some(exam) = built(Exam::with_rays("soup".to_owned(), triangles.clone(), rays, options), &mut directions) {
+        judge_nearest(trial, &exam, &mut directions);
     }
     let mut vertices = Tally::new(LIMITS, "subnormal vertices", Promise::Agreement);
     let triangles: Vec<_> = triangles.iter().map(|t| t.scaled(1e-40)).collect();
     if let Some(exam) = built(Exam::new("soup".to_owned(), triangles, options.sample(), options), &mut vertices) {
-        judge_primitives(trial, &exam, &mut vertices);
+        judge_nearest(trial, &exam, &mut vertices);
     }
     [directions.row(), vertices.row()]
 }

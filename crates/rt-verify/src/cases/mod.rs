@@ -18,7 +18,7 @@ use crate::report::Row;
 use crate::suite::{Exam, Stopped};
 use crate::tally::Tally;
 use crate::trial::{Refusal, Trial};
-use rt_core::{Hit, Query};
+use rt_core::Query;
 
 /// One group of demands.
 #[derive(Clone, Copy)]
@@ -50,19 +50,17 @@ pub(crate) const ALL: [Case; 15] = [
     Case { name: layout::NAME, weight: 2.0, run: layout::run },
 ];
 
-/// Traces an exam and counts the hits that the reference does not admit; distances do not count here.
-fn judge_primitives(trial: &Trial<'_>, exam: &Exam, tally: &mut Tally) {
+/// Traces an exam and counts the nearest hits that are not right; of tracers that do not promise exact ones, those that the
+/// reference does not admit, whatever their distance.
+fn judge_nearest(trial: &Trial<'_>, exam: &Exam, tally: &mut Tally) {
     match trial.trace(&exam.scene, &exam.rays, Query::Closest) {
-        Ok(hits) => count_primitives(exam, &hits, tally),
+        Ok(hits) => {
+            for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {
+                let right = if trial.exact { verdict.is_right(hit) } else { verdict.admits_primitive(hit.primitive) };
+                tally.check(right, || format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name));
+            }
+        }
         Err(refusal) => tally.refuse(&refusal, exam.rays.len()),
-    }
-}
-
-fn count_primitives(exam: &Exam, hits: &[Hit], tally: &mut Tally) {
-    for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {
-        tally.check(verdict.admits_primitive(hit.primitive), || {
-            format!("{}: {ray:?}: {hit:?}, but {verdict}", exam.name)
-        });
     }
 }
 

@@ -1,7 +1,7 @@
 //! Units do not matter: of the scene, and of directions.
 
 use super::watertight::number;
-use super::{built, judge_primitives};
+use super::{built, judge_nearest};
 use crate::closed::{Closed, Solid, Target};
 use crate::rays::RayMaker;
 use crate::report::Row;
@@ -38,7 +38,7 @@ pub(super) fn sweep(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stoppe
         }
         let soup: Vec<Triangle> = shapes::soup(300, 0.3, options.seed).iter().map(|t| t.scaled(scale)).collect();
         if let Some(exam) = built(Exam::new("soup".to_owned(), soup, options.sample(), options), &mut tally) {
-            judge_primitives(trial, &exam, &mut tally);
+            judge_nearest(trial, &exam, &mut tally);
         }
         rows.push(tally.row());
     }
@@ -104,8 +104,8 @@ pub(super) fn direction_lengths(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Resul
         trial.advance(i as f64 / SCALES.len() as f64)?;
         let mut tally = Tally::new(LENGTHS, format!("times {}", number(length)), Promise::Agreement);
         let rays = rays.iter().map(|(r, o)| (Ray::new(r.origin, r.direction * length), *o)).collect();
-        if let Some(exam) = built(Exam::with_rays("soup".to_owned(), &triangles, rays, options), &mut tally) {
-            judge_primitives(trial, &exam, &mut tally);
+        if let Some(exam) = built(Exam::with_rays("soup".to_owned(), triangles.clone(), rays, options), &mut tally) {
+            judge_nearest(trial, &exam, &mut tally);
         }
         rows.push(tally.row());
     }

@@ -1,6 +1,6 @@
 //! Meshes that make trees deep: whatever the builder, traversal has room, and hits are right.
 
-use super::{built, count_primitives, judge_primitives};
+use super::{built, judge_nearest};
 use crate::report::Row;
 use crate::suite::{Exam, Extent, Stopped};
 use crate::tally::Tally;
@@ -99,9 +99,9 @@ fn judged(trial: &Trial<'_>, name: &'static str, triangles: Vec<Triangle>) -> Ro
     // them a second.
     let rays = (600_000 / (triangles.len() as u32 + 1)).clamp(6, options.sample());
     if let Some(exam) = built(Exam::new(name.to_owned(), triangles, rays, options), &mut tally) {
-        judge_primitives(trial, &exam, &mut tally);
+        judge_nearest(trial, &exam, &mut tally);
         match trial.trace(&exam.scene, &[], Query::Closest) {
-            Ok(hits) => count_primitives(&exam, &hits, &mut tally),
+            Ok(hits) => tally.check(hits.is_empty(), || "hits of no rays".to_owned()),
             Err(refusal) => tally.refuse(&refusal, 1),
         }
     }

@@ -1,0 +1,134 @@
+//! What ARCHITECTURE.md says of the crates: its diagram, its table and its three prohibitions, as cargo sees them.
+//!
+//! The diagram is the one list of levels: a line that begins with `L3` names the crates of level 3. Dependencies of tests
+//! may lead anywhere.
+
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+/// Packages that serve the workspace and are nobody's dependency but each other's: tests, benchmarks, automation.
+const SERVANTS: [&str; 5] = ["embree4-sys", "fuzz-cases", "rt-benches", "rt-tests", "xtask"];
+
+/// A package of the workspace.
+struct Package {
+    /// Relative to the repository.
+    folder: String,
+    /// The packages of the workspace that it is built from, optional ones too.
+    uses: BTreeSet<String>,
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("this package lies in the repository's root")
+}
+
+fn cargo(arguments: &[&str]) -> Vec<u8> {
+    let output =
+        Command::new(env!("CARGO")).args(arguments).current_dir(root()).output().expect("cargo runs the tests");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    output.stdout
+}
+
+fn workspace() -> BTreeMap<String, Package> {
+    let metadata = cargo(&["metadata", "--offline", "--no-deps", "--format-version", "1"]);
+    let metadata: Value = serde_json::from_slice(&metadata).expect("cargo writes JSON");
+    let packages = metadata["packages"].as_array().expect("packages");
+    let text = |value: &Value| value.as_str().expect("a string").to_owned();
+    let package = |package: &Value| {
+        let manifest = text(&package["manifest_path"]);
+        let folder = Path::new(&manifest).parent().and_then(|folder| folder.strip_prefix(root()).ok());
+        let dependencies = package["dependencies"].as_array().expect("dependencies").iter();
+        let built_in = dependencies.filter(|used| used["kind"] != "dev" && !used["path"].is_null());
+        let uses = built_in.map(|used| text(&used["name"])).collect();
+        let folder = folder.expect("below the root").to_string_lossy().into_owned();
+        (text(&package["name"]), Package { folder, uses })
+    };
+    packages.iter().map(package).collect()
+}
+
+/// All that a package is built from.
+fn closure<'a>(packages: &'a BTreeMap<String, Package>, name: &str) -> BTreeSet<&'a str> {
+    let mut all = BTreeSet::new();
+    let mut open: Vec<&str> = packages[name].uses.iter().map(String::as_str).collect();
+    while let Some(used) = open.pop() {
+        if all.insert(used) {
+            open.extend(packages[used].uses.iter().map(String::as_str));
+        }
+    }
+    all
+}
+
+/// The crates of the diagram with their levels.
+fn levels(page: &str, packages: &BTreeMap<String, Package>) -> BTreeMap<String, u32> {
+    let mut levels = BTreeMap::new();
+    for line in page.lines() {
+        let mut words = line.split_whitespace();
+        let Some(level) = words.next().and_then(|word| word.strip_prefix('L')?.parse().ok()) else { continue };
+        for name in words.take_while(|word| packages.contains_key(*word)) {
+            assert_eq!(levels.insert(name.to_owned(), level), None, "{name} is in the diagram twice");
+        }
+    }
+    levels
+}
+
+fn page() -> String {
+    fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md")
+}
+
+/// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own level
+/// or above, or is forgotten in the diagram.
+#[test]
+fn the_diagram_is_true() {
+    let packages = workspace();
+    let levels = levels(&page(), &packages);
+    let servant = |name: &str| SERVANTS.contains(&name);
+    for (name, package) in packages.iter().filter(|(name, _)| !servant(name)) {
+        let level = *levels.get(name).unwrap_or_else(|| panic!("the diagram does not name {name}"));
+        for used in &package.uses {
+            assert!(!servant(used), "{name} is built from {used}, which is for tests");
+            assert!(levels[used] < level, "{name} of L{level} uses {used} of L{}", levels[used]);
+        }
+    }
+    assert!(SERVANTS.iter().all(|name| packages.contains_key(*name) && !levels.contains_key(*name)));
+}
+
+/// Fails when a package is added without a word on what it is for.
+#[test]
+fn the_table_names_every_folder() {
+    let page = page();
+    for (name, Package { folder, .. }) in workspace() {
+        let named = page.lines().any(|line| line.starts_with('|') && line.contains(&format!("`{folder}`")));
+        assert!(named, "the table does not name {name} in `{folder}`");
+    }
+}
+
+/// Fails when one of the three is given a dependency that it must not have, also through another crate.
+#[test]
+fn the_prohibitions_hold() {
+    let packages = workspace();
+    assert_eq!(closure(&packages, "rt-core"), BTreeSet::new(), "rt-core knows nobody");
+    assert_eq!(closure(&packages, "rt-sched"), BTreeSet::from(["rt-core"]), "rt-sched knows no device");
+    let devices: Vec<&str> = packages.keys().map(String::as_str).filter(|name| name.starts_with("backend-")).collect();
+    assert!(devices.len() >= 3, "{devices:?}");
+    for device in devices.into_iter().chain(["rt-gpu", "rt-shaders"]) {
+        let known = closure(&packages, device);
+        assert!(!known.contains("rt-sched") && !known.contains("rt-balance"), "{device} knows a scheduler: {known:?}");
+    }
+}
+
+/// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through another.
+#[test]
+fn the_vulkan_backend_links_no_wgpu() {
+    let linked = |package: &str| {
+        let format = ["--edges", "normal", "--prefix", "none", "--format", "{p}"];
+        let tree = cargo(&[&["tree", "--offline", "--package", package][..], &format].concat());
+        let text = String::from_utf8_lossy(&tree).into_owned();
+        text.lines().filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect::<Vec<_>>()
+    };
+    let has = |package: &str, prefix: &str| linked(package).iter().any(|name| name.starts_with(prefix));
+    assert!(has("backend-vulkan", "ash") && !has("backend-vulkan", "wgpu") && !has("backend-vulkan", "naga"));
+    // The question can be answered with yes.
+    assert!(has("backend-wgpu", "wgpu"));
+}
