@@ -1,9 +1,11 @@
 //! Opening CPU devices.
 
 use crate::executor::Executor;
+use crate::launches::{self, Launches, Trees};
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_simd::Kernel;
 use std::fmt;
 use std::sync::Arc;
 
@@ -15,6 +17,8 @@ const IN_FLIGHT: u32 = 2;
 pub struct CpuDevice {
     info: DeviceInfo,
     executor: Arc<Executor>,
+    kernel: Kernel,
+    trees: Arc<Trees>,
 }
 
 impl CpuDevice {
@@ -24,8 +28,10 @@ impl CpuDevice {
     /// than there are cores, or the system does not let us pin, none is pinned.
     ///
     /// # Errors
-    /// When the system cannot start a thread.
+    /// When the system cannot start a thread, or `RAYBALANCE_ISA` asks for instructions that there are not.
     pub fn open_all(threads: &[usize]) -> Result<Vec<Self>, OpenError> {
+        let kernel = launches::kernel().map_err(OpenError::Instructions)?;
+        let trees = Arc::new(Trees::default());
         let cores = core_affinity::get_core_ids().unwrap_or_default();
         let available = Self::cores();
         let asked: usize = threads.iter().sum();
@@ -38,7 +44,7 @@ impl CpuDevice {
             .enumerate()
             .map(|(index, n)| {
                 let own: Vec<CoreId> = if pin { free.by_ref().take(n).collect() } else { Vec::new() };
-                Self::open(index, n, own)
+                Self::open(index, n, own, kernel, Arc::clone(&trees))
             })
             .collect()
     }
@@ -49,15 +55,22 @@ impl CpuDevice {
         std::thread::available_parallelism().map_or(1, usize::from)
     }
 
-    fn open(index: usize, threads: usize, cores: Vec<CoreId>) -> Result<Self, OpenError> {
+    fn open(
+        index: usize,
+        threads: usize,
+        cores: Vec<CoreId>,
+        kernel: Kernel,
+        trees: Arc<Trees>,
+    ) -> Result<Self, OpenError> {
+        let isa = kernel.isa();
         let name = match cores.as_slice() {
-            [] => format!("CPU {index} ({threads} {}, not pinned)", plural(threads, "thread")),
-            [core] => format!("CPU {index} (core {})", core.id),
-            [first, .., last] => format!("CPU {index} (cores {}-{})", first.id, last.id),
+            [] => format!("CPU {index} ({threads} {}, not pinned, {isa})", plural(threads, "thread")),
+            [core] => format!("CPU {index} (core {}, {isa})", core.id),
+            [first, .., last] => format!("CPU {index} (cores {}-{}, {isa})", first.id, last.id),
         };
-        let executor = Executor::new(index, threads, cores).map_err(|source| OpenError { threads, source })?;
+        let executor = Executor::new(index, threads, cores).map_err(|source| OpenError::Threads { threads, source })?;
         let info = DeviceInfo { name, backend: "cpu", units: threads as u32, in_flight: IN_FLIGHT, memory: None };
-        Ok(Self { info, executor: Arc::new(executor) })
+        Ok(Self { info, executor: Arc::new(executor), kernel, trees })
     }
 }
 
@@ -71,25 +84,42 @@ impl Device for CpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, clock, IN_FLIGHT)?))
+        let launches = self.trees.of(&scene).map(|tree| Launches::new(self.kernel, tree));
+        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, launches, clock, IN_FLIGHT)?))
     }
 }
 
 /// Why a CPU device could not be opened.
 #[derive(Debug)]
-pub struct OpenError {
-    threads: usize,
-    source: rayon::ThreadPoolBuildError,
+#[non_exhaustive]
+pub enum OpenError {
+    /// The system cannot start so many threads.
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the thread pool says.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// The instructions that the environment asks for are not there.
+    Instructions(String),
 }
 
 impl fmt::Display for OpenError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot start {} threads for a CPU device: ask for fewer", self.threads)
+        match self {
+            Self::Threads { threads, .. } => {
+                write!(f, "cannot start {threads} threads for a CPU device: ask for fewer")
+            }
+            Self::Instructions(problem) => f.write_str(problem),
+        }
     }
 }
 
 impl std::error::Error for OpenError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        Some(&self.source)
+        match self {
+            Self::Threads { source, .. } => Some(source),
+            Self::Instructions(_) => None,
+        }
     }
 }

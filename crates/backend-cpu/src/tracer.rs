@@ -1,6 +1,7 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
+use crate::launches::Launches;
 use crate::packets::Kernels;
 use crate::stopwatch::Stopwatch;
 use rt_bvh::{PacketWalk, ReducedTree, Stack};
@@ -70,12 +71,14 @@ impl CpuTracer {
     pub(crate) fn new(
         executor: Arc<Executor>,
         scene: Arc<Scene>,
+        launches: Option<Launches>,
         clock: Clock,
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
         let kernels = Kernels::detect();
-        let worker = Worker { executor, kernels, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
+        let worker =
+            Worker { executor, kernels, launches, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -166,6 +169,8 @@ impl Tracer for CpuTracer {
 struct Worker {
     executor: Arc<Executor>,
     kernels: Kernels,
+    /// What traces launches that count nothing; absent for a scene of too many triangles.
+    launches: Option<Launches>,
     scene: Arc<Scene>,
     clock: Clock,
     /// Trees of reduced walks, made when the first of their kind is asked for.
@@ -244,6 +249,12 @@ impl Worker {
         let range = piece.first..piece.first + piece.hits.len() as u32;
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
+        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec)) {
+            let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
+            launches.trace(source, spec, range, done, piece.hits);
+            *piece.seconds = watch.seconds();
+            return;
+        }
         let set = |i: usize, hit: Hit, counts: TestCounts| {
             piece.hits[i] = hit;
             if let Some(slot) = piece.counts.get_mut(i) {
