@@ -1,17 +1,32 @@
 //! A backend of one's own: brute force over all triangles, on the caller's thread. It implements `Device` and
-//! `Tracer`, so a balancer mixes it with any other; `rt-tests` holds the conformance suite to test it with.
+//! `Tracer`, so a balancer mixes it with any other. `tools/outsider` tests it with the suite of `rt-conformance`.
 //!
 //! `cargo run --release -p rt-balance --example backend`
 
 use rt_balance::cpu::CpuDevice;
-use rt_balance::{Balancer, Device, Hit, Ray, RaySource, Scene, StreamSpec, Task, TestCounts, Tracer, Walk};
-use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RayMask, Span, Ticket, intersect};
+use rt_balance::intersect::Shear;
+use rt_balance::{
+    Balancer, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource,
+    Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+};
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
+/// Launches that may be in flight.
+const IN_FLIGHT: u32 = 2;
+
+/// The device: here nothing but its description.
 #[derive(Debug)]
-struct BruteForce(DeviceInfo);
+pub struct BruteForce(DeviceInfo);
+
+impl BruteForce {
+    /// Opens it.
+    #[must_use]
+    pub fn open() -> Self {
+        Self(DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT))
+    }
+}
 
 impl Device for BruteForce {
     fn info(&self) -> &DeviceInfo {
@@ -19,74 +34,119 @@ impl Device for BruteForce {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        if scene.scale_exponent() != 0 {
-            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "this example takes scenes of size 0.5 to 1"));
-        }
-        Ok(Box::new(BruteTracer { scene, clock, rays: None, launches: VecDeque::new(), next: 0 }))
+        let rays = RaySource::Explicit { rays: [].into(), origins: None };
+        let spec = StreamSpec::default();
+        Ok(Box::new(BruteTracer { scene, clock, rays, spec, launches: VecDeque::new(), next: 0 }))
     }
 }
 
+/// A scene on the device, and the rays that were loaded.
 #[derive(Debug)]
 struct BruteTracer {
     scene: Arc<Scene>,
     clock: Clock,
-    rays: Option<RaySource>,
+    rays: RaySource,
+    spec: StreamSpec,
     launches: VecDeque<(Ticket, Launch)>,
     next: u64,
 }
 
+/// The call was wrong: the balancer keeps the device.
+fn wrong(message: &str) -> DeviceError {
+    DeviceError::new(DeviceErrorKind::InvalidArgument, message)
+}
+
 impl BruteTracer {
-    fn trace(&self, ray: u32) -> Result<(Hit, TestCounts), DeviceError> {
-        let source = self.rays.as_ref().filter(|source| ray < source.len());
-        let source = source.ok_or_else(|| DeviceError::new(DeviceErrorKind::InvalidArgument, "no such ray"))?;
-        let (ray, origin) = source.ray(ray);
-        let triangles = self.scene.triangles();
+    /// The hit of a loaded ray, and how many triangles were tested for it. Boxes there are none.
+    fn trace(&self, index: u32) -> (Hit, TestCounts) {
+        let (ray, origin) = self.rays.ray(index);
+        let mut counts = TestCounts::default();
         let mut nearest = Hit::MISS;
-        for (slot, triangle) in triangles.iter().enumerate() {
+        if !ray.is_valid() {
+            return (nearest, counts);
+        }
+        // The definition of a hit, in the coordinates in which a scene holds its triangles.
+        let shear = Shear::new(&ray, self.scene.scale_exponent(), f64::INFINITY);
+        for (slot, triangle) in self.scene.triangles().iter().enumerate() {
             let id = self.scene.primitives().get(slot);
-            if let Some(hit) = intersect::hit(&ray, triangle, id).filter(|hit| id != origin && hit.is_before(&nearest))
-            {
+            counts.triangles += 1;
+            let hit = shear.hit(triangle, [ray.tmin, ray.tmax], id).filter(|_| id != origin);
+            if let Some(hit) = hit.filter(|hit| hit.is_before(&nearest)) {
                 nearest = hit;
+                if self.spec.query == Query::Any {
+                    break;
+                }
             }
         }
-        Ok((nearest, TestCounts { boxes: 0, triangles: triangles.len() as u32 }))
+        (nearest, counts)
+    }
+
+    fn span(&self, start: Duration) -> Span {
+        let end = (self.clock)();
+        Span { start, end, in_kernel: end.saturating_sub(start) }
     }
 }
 
 impl Tracer for BruteTracer {
-    fn load_rays(&mut self, source: RaySource, _: StreamSpec) -> Result<(), DeviceError> {
-        self.rays = Some(source);
+    fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
+        if !self.launches.is_empty() {
+            return Err(wrong("launches are in flight"));
+        }
+        if let RaySource::Explicit { rays, origins: Some(origins) } = &source
+            && rays.len() != origins.len()
+        {
+            return Err(wrong("rays and origins differ in number"));
+        }
+        (self.rays, self.spec) = (source, spec);
         Ok(())
     }
 
     fn walk(
         &mut self,
         rays: &[u32],
-        _: Walk,
+        walk: Walk,
         counts: &mut [TestCounts],
         mut hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
+        if walk != Walk::Full {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "without a tree there are no reduced walks"));
+        }
+        if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {
+            return Err(wrong("rays, counts and hits differ in number"));
+        }
+        if rays.iter().any(|&ray| ray >= self.rays.len()) {
+            return Err(wrong("a ray that is not loaded"));
+        }
         let start = (self.clock)();
         for (i, &ray) in rays.iter().enumerate() {
-            let (hit, count) = self.trace(ray)?;
+            let (hit, count) = self.trace(ray);
             counts[i] = count;
             if let Some(hits) = &mut hits {
                 hits[i] = hit;
             }
         }
-        let end = (self.clock)();
-        Ok(Span { start, end, in_kernel: end - start })
+        Ok(self.span(start))
     }
 
     fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
+        if self.launches.len() >= IN_FLIGHT as usize {
+            return Err(wrong("too many launches are in flight"));
+        }
+        let end = |task: &Task| u64::from(task.first) + u64::from(task.rays);
+        if tasks.iter().any(|task| end(task) > u64::from(self.rays.len())) {
+            return Err(wrong("a task beyond the loaded rays"));
+        }
+        let start = (self.clock)();
         let mut launch = Launch::default();
-        launch.span.start = (self.clock)();
         for ray in tasks.iter().flat_map(Task::range) {
             let known = done.is_some_and(|mask| mask.contains(ray));
-            launch.hits.push(if known { Hit::MISS } else { self.trace(ray)?.0 });
+            let (hit, counts) = if known { (Hit::MISS, TestCounts::default()) } else { self.trace(ray) };
+            launch.hits.push(hit);
+            if self.spec.counts {
+                launch.counts.push(counts);
+            }
         }
-        launch.span.end = (self.clock)();
-        launch.span.in_kernel = launch.span.duration();
+        launch.span = self.span(start);
         self.next += 1;
         self.launches.push_back((Ticket(self.next), launch));
         Ok(Ticket(self.next))
@@ -95,19 +155,17 @@ impl Tracer for BruteTracer {
     fn wait(&mut self, ticket: Ticket, _: Duration, out: &mut Launch) -> Result<(), DeviceError> {
         let position = self.launches.iter().position(|(t, _)| *t == ticket);
         let launch = position.and_then(|at| self.launches.remove(at));
-        let unknown = || DeviceError::new(DeviceErrorKind::InvalidArgument, "no such launch");
-        *out = launch.ok_or_else(unknown)?.1;
+        *out = launch.ok_or_else(|| wrong("no such launch"))?.1;
         Ok(())
     }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let positions = [[0.0, 0.0, 0.0], [0.9, 0.0, 0.0], [0.0, 0.9, 0.0]];
-    let info = DeviceInfo { name: "brute force".to_owned(), backend: "example", units: 1, in_flight: 1, memory: None };
-    let mut devices: Vec<Arc<dyn Device>> = vec![Arc::new(BruteForce(info))];
+    let positions = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]];
+    let mut devices: Vec<Arc<dyn Device>> = vec![Arc::new(BruteForce::open())];
     devices.extend(CpuDevice::open_all(&[1])?.into_iter().map(|device| Arc::new(device) as Arc<dyn Device>));
     let mut balancer = Balancer::for_mesh(&positions, &[[0, 1, 2]], &devices)?;
-    let rays = vec![Ray::new([0.25, 0.25, 0.5].into(), [0.0, 0.0, -1.0].into()); 50_000];
+    let rays = vec![Ray::new([2.5, 2.5, 0.5].into(), [0.0, 0.0, -1.0].into()); 50_000];
     let mut hits = vec![Hit::MISS; rays.len()];
     let run = balancer.trace_rays(&rays, &mut hits)?;
     for device in &run.report.devices {

@@ -4,8 +4,7 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::{Balancer, Control, CostEstimator, Device, Hit, Ray, RaySource, Scheduling, Stream, StreamKind};
-use rt_balance::{StreamSpec, Walk, Work};
-use rt_core::{Observation, RayStream, Step};
+use rt_balance::{Observation, RayStream, Step, StreamSpec, Walk, Work};
 use std::sync::Arc;
 
 /// One ray per task, walked in full, so its hit is kept.

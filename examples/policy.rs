@@ -1,10 +1,14 @@
-//! A policy of one's own: two thirds of the tasks to the first device, whatever they cost. Simulated, not traced.
+//! A policy of one's own: two thirds of the tasks to the first device, whatever they cost.
 //!
 //! `cargo run --release -p rt-balance --example policy`
 
-use rt_core::{CostModel, TaskId, Work};
-use rt_sched::Schedule;
-use rt_sched::policy::{Lpt, Policy};
+use rt_balance::cpu::CpuDevice;
+use rt_balance::policies::Policy;
+use rt_balance::{
+    Balancer, Control, CostModel, Device, Hit, QueueKind, Ray, RaySource, Schedule, Scheduling, Stream, StreamKind,
+    StreamSpec, TaskId, Work,
+};
+use std::sync::Arc;
 
 /// The first device gets tasks 0, 1, 3, 4, 6, 7, …
 #[derive(Debug)]
@@ -27,17 +31,28 @@ impl Policy for TwoThirds {
     }
 }
 
-fn main() {
-    let work: Vec<Work> = (0..300_u16).map(|i| Work::new(1024.0, f32::from(i % 17) * 1e4, 1e4)).collect();
-    let devices = [CostModel::UNIT; 2];
-    for policy in [&TwoThirds as &dyn Policy, &Lpt] {
-        let schedule = policy.schedule(&work, &devices);
-        println!("{:10} predicted makespan {:.2} ms", policy.name(), schedule.makespan() * 1e3);
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let positions = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
+    let devices: Vec<Arc<dyn Device>> =
+        CpuDevice::open_all(&[1, 1])?.into_iter().map(|device| Arc::new(device) as _).collect();
+    let mut balancer = Balancer::for_mesh(&positions, &[[0, 1, 2]], &devices)?;
+    let rays = (0..300 * 1024).map(|i| Ray::new([i as f32 * 1e-5 - 1.5, 0.0, 1.0].into(), [0.0, 0.0, -1.0].into()));
+    let source = RaySource::Explicit { rays: rays.collect(), origins: None };
+    let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
+    let mut hits = vec![Hit::MISS; stream.source.len() as usize];
+    // The static queue hands every device its list, and nothing else.
+    let mut scheduling =
+        Scheduling { policy: Some(Box::new(TwoThirds)), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
+    let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
+    for device in &run.report.devices {
+        println!("{}: {} tasks", device.name, device.tasks);
     }
+    assert_eq!(run.report.devices.iter().map(|device| device.tasks).collect::<Vec<_>>(), [200, 100]);
+    Ok(())
 }
 
 #[cfg(test)]
 #[test]
-fn runs() {
-    main();
+fn runs() -> Result<(), Box<dyn std::error::Error>> {
+    main()
 }

@@ -6,8 +6,8 @@ use embree4_sys::{
 };
 use rt_core::{Device, DeviceError, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
 use rt_scene::Model;
-use rt_tests::conformance::clock;
 use rt_tests::peers::{ObvhsDevice, ObvhsLayout};
+use rt_verify::clock;
 use std::error::Error;
 use std::hint::black_box;
 use std::sync::Arc;

@@ -1,10 +1,11 @@
 //! A device without hardware, and its broken sisters: proof that the conformance suite can fail.
 
+use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
-use rt_core::intersect::Shear;
+use rt_core::intersect::{Shear, round_distance};
 use rt_core::{
-    Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span,
-    StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
+    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -57,11 +58,19 @@ pub enum Flaw {
     AcceptsInvalid,
     /// Primitive ids pass through single precision.
     RoundedIds,
+    /// Edge functions in double precision are trusted, however small.
+    TrustsRoundings,
+    /// Coordinates below 2⁻¹²⁶ of the largest are taken for zero, as where a scene is normalised whatever it costs.
+    LosesDetails,
+    /// A surface that a ray starts on is not hit.
+    SkipsZero,
+    /// Launches never return counts, and there are no walks.
+    CountsNothing,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 26] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -84,6 +93,10 @@ impl Flaw {
         Self::AbsoluteEpsilon,
         Self::AcceptsInvalid,
         Self::RoundedIds,
+        Self::TrustsRoundings,
+        Self::LosesDetails,
+        Self::SkipsZero,
+        Self::CountsNothing,
     ];
 }
 
@@ -106,7 +119,9 @@ impl FakeDevice {
     #[must_use]
     pub fn wide() -> Self {
         let device = Self::new(None);
-        Self { info: DeviceInfo { name: "eight-wide".to_owned(), ..device.info }, wide: true, ..device }
+        let own = device.info.capabilities.with_counts(Counted::OwnTree);
+        let info = DeviceInfo::new("eight-wide", "fake").with_in_flight(2).with_capabilities(own);
+        Self { info, wide: true, ..device }
     }
 
     /// Does everything but tracing: all rays miss.
@@ -123,7 +138,9 @@ impl FakeDevice {
 
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
-        Self { info: DeviceInfo { name, backend: "fake", units: 1, in_flight: 2, memory: None }, flaw, wide: false }
+        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree);
+        let info = DeviceInfo::new(name, "fake").with_in_flight(2).with_capabilities(capabilities);
+        Self { info, flaw, wide: false }
     }
 }
 
@@ -209,6 +226,12 @@ impl FakeTracer {
                 hit = if other.v == 0.0 { Hit::MISS } else { other };
             }
             Some(Flaw::FlippedSign) => hit = self.mirrored(&ray, origin),
+            Some(Flaw::TrustsRoundings) => hit = self.roughly(&ray, origin),
+            Some(Flaw::LosesDetails) => hit = self.coarsely(&ray, origin),
+            Some(Flaw::SkipsZero) if hit.is_hit() && hit.t == 0.0 => {
+                let beyond = Ray { tmin: f32::from_bits(1), ..ray };
+                (hit, _) = self.once(stack, beyond, origin, walk);
+            }
             Some(Flaw::AcceptsInvalid) if !ray.is_valid() => hit = Hit { t: 0.0, u: 0.0, v: 0.0, primitive: 0 },
             Some(Flaw::RoundedIds) if hit.is_hit() => hit.primitive = hit.primitive as f32 as u32,
             Some(Flaw::Misses) => hit = Hit::MISS,
@@ -229,13 +252,47 @@ impl FakeTracer {
     /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
     /// opposite the first vertex is hit.
     fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
-        let shear = ray.is_valid().then(|| Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY));
-        let hits = self.scene.triangles().iter().enumerate().filter_map(|(slot, triangle)| {
+        let shear = Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY);
+        self.nearest(ray, origin, |triangle, primitive| {
             // The mirror image of the first vertex stands for the other side of the edge.
             let [a, b, c] = triangle.vertices();
+            shear.hit(&Triangle::new(b + c - a, b, c), [ray.tmin, ray.tmax], primitive)
+        })
+    }
+
+    /// The nearest hit by edge functions in double precision as they come, without a bound on their errors.
+    fn roughly(&self, ray: &Ray, origin: u32) -> Hit {
+        let scale = 2.0_f64.powi(self.scene.scale_exponent());
+        let (o, d) = (ray.origin.as_dvec3() / scale, ray.direction.as_dvec3());
+        self.nearest(ray, origin, |triangle, primitive| {
+            let [a, b, c] = triangle.vertices().map(|p| p.as_dvec3() - o);
+            let edges = [d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))];
+            let determinant = edges.iter().sum::<f64>();
+            let one_sign = edges.iter().all(|e| *e >= 0.0) || edges.iter().all(|e| *e <= 0.0);
+            let t = round_distance(a.dot(b.cross(c)) / determinant * scale);
+            let [_, u, v] = edges.map(|edge| (edge / determinant) as f32);
+            let met = one_sign && determinant != 0.0 && ray.tmin <= t && t <= ray.tmax && t.is_finite();
+            met.then_some(Hit { t, u, v, primitive })
+        })
+    }
+
+    /// The nearest hit with triangles whose small coordinates are lost.
+    fn coarsely(&self, ray: &Ray, origin: u32) -> Hit {
+        let (shear, bounds) = (Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY), self.scene.bounds());
+        let least = bounds.min.abs().max(bounds.max.abs()).max_element() * f32::MIN_POSITIVE;
+        let coarse = |p: Vec3| Vec3::select(p.abs().cmplt(Vec3::splat(least)), Vec3::ZERO, p);
+        self.nearest(ray, origin, |triangle, primitive| {
+            let [a, b, c] = triangle.vertices().map(coarse);
+            shear.hit(&Triangle::new(a, b, c), [ray.tmin, ray.tmax], primitive)
+        })
+    }
+
+    /// The nearest of what `hit` says of every triangle, in the coordinates of the tree.
+    fn nearest(&self, ray: &Ray, origin: u32, hit: impl Fn(&Triangle, u32) -> Option<Hit>) -> Hit {
+        let triangles = self.scene.triangles().iter().enumerate().filter(|_| ray.is_valid());
+        let hits = triangles.filter_map(|(slot, triangle)| {
             let primitive = self.scene.primitives().get(slot);
-            let hit = shear?.hit(&Triangle::new(b + c - a, b, c), [ray.tmin, ray.tmax], primitive);
-            hit.filter(|_| primitive != origin)
+            hit(triangle, primitive).filter(|_| primitive != origin)
         });
         hits.fold(Hit::MISS, |best, hit| if hit.is_before(&best) { hit } else { best })
     }
@@ -271,7 +328,7 @@ impl FakeTracer {
                 results.1.push(counts);
             }
         }
-        if !self.spec.counts {
+        if !self.spec.counts || self.has(Flaw::CountsNothing) {
             results.1.clear();
         }
         results
@@ -302,6 +359,9 @@ impl Tracer for FakeTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
+        if self.has(Flaw::CountsNothing) {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "there are no walks"));
+        }
         if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {
             return invalid("rays, counts and hits differ in number");
         }

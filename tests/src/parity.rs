@@ -1,6 +1,5 @@
 //! Trees, devices and peers compared with the exact reference on whole scenes.
 
-use crate::conformance::clock;
 use crate::judge::{Tally, judge};
 use crate::scenes;
 use rayon::prelude::*;
@@ -9,6 +8,7 @@ use rt_core::{
     Camera, Device, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, Triangle, intersect, random,
     tasks_of,
 };
+use rt_verify::clock;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::{Reference, Verdict};
 use rt_verify::{exact, tree};
@@ -214,7 +214,7 @@ impl<'a> Exam<'a> {
     /// Puts the rays to a scene's own tree, the two-wide one.
     #[must_use]
     pub fn mark(&self, scene: &Scene, query: Query, precision: Precision) -> Marks {
-        let spec = StreamSpec { query, precision, counts: false };
+        let spec = StreamSpec::new(query, precision, false);
         let hits: Vec<Hit> =
             self.rays.par_chunks(1024).flat_map_iter(|rays| tree::trace(scene, spec, rays).0).collect();
         self.mark_hits(&hits, query)
@@ -223,7 +223,7 @@ impl<'a> Exam<'a> {
     /// The same for the eight-wide tree of a scene.
     #[must_use]
     pub fn mark_wide(&self, tree: &WideTree, query: Query, precision: Precision) -> Marks {
-        let spec = StreamSpec { query, precision, counts: false };
+        let spec = StreamSpec::new(query, precision, false);
         let trace = |rays: &[(Ray, u32)]| {
             let mut hits = Vec::with_capacity(rays.len());
             trace_wide(tree, &mut Stack::default(), spec, rays.iter().copied(), |hit, _| hits.push(hit));

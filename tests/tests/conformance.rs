@@ -3,8 +3,8 @@
 use backend_cpu::CpuDevice;
 use libtest_mimic::{Arguments, run};
 use rt_balance::middleware::{Failure, Fault, Faulty, FaultyCall, Recorded, Throttled};
+use rt_conformance::{Subject, trials};
 use rt_core::Device;
-use rt_tests::conformance::{Subject, trials};
 use rt_tests::fake::FakeDevice;
 use std::sync::Arc;
 

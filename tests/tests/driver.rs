@@ -61,7 +61,7 @@ fn sampled(walk: Walk, fraction: f64) -> Sampled {
 }
 
 fn scheduling(queue: QueueKind, estimator: Box<dyn CostEstimator>) -> Scheduling {
-    Scheduling { queue, estimator, ..Scheduling::default() }
+    Scheduling { queue: Box::new(queue), estimator, ..Scheduling::default() }
 }
 
 /// Traces the fixture's stream and checks every bit, and that the report accounts for every task once.

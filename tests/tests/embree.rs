@@ -12,6 +12,7 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, TestError, TestRunner};
 use rt_bvh::Builder;
+use rt_conformance::is_required;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
 use rt_gpu::Layouts;
 use rt_scene::{Model, builtin};
@@ -19,7 +20,7 @@ use rt_tests::fake::FakeDevice;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::{Exam, Kind, trace_all};
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
-use rt_tests::{is_required, scenes, strategy};
+use rt_tests::{scenes, strategy};
 use rt_verify::reference::Reference;
 use rt_verify::tree;
 use std::cell::RefCell;
@@ -141,7 +142,7 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
             let mut first: Option<Vec<Hit>> = None;
             for (name, device) in cpus.iter().chain(gpu) {
                 for precision in CAREFUL {
-                    let spec = StreamSpec { query, precision, counts: false };
+                    let spec = StreamSpec::new(query, precision, false);
                     let hits = trace_all(&**device, &scene, &rays, spec).map_err(TestCaseError::fail)?;
                     for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
                         let right = match query {
@@ -206,7 +207,7 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
         let mut first: Option<Vec<Hit>> = None;
         for (label, device) in ours.iter() {
             for precision in CAREFUL {
-                let hits = exam.ask(&**device, &scene, StreamSpec { query, precision, counts: false })?;
+                let hits = exam.ask(&**device, &scene, StreamSpec::new(query, precision, false))?;
                 let marks = exam.mark_hits(&hits, query);
                 if let Some(wrong) = marks.first {
                     return Err(
@@ -222,7 +223,7 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
         let named = |device: &'_ EmbreeDevice| device.info().name.clone();
         let single = embree.iter().map(|device| (named(device), device as &dyn Device, Precision::default()));
         for (name, device, precision) in single.chain(fast) {
-            let spec = StreamSpec { query, precision, counts: false };
+            let spec = StreamSpec::new(query, precision, false);
             let (mut all, mut random) = (Tally::new(), Tally::new());
             for (kind, tally) in Kind::ALL.into_iter().zip(exam.judge(&exam.ask(device, &scene, spec)?, query)) {
                 if kind.is_random() {

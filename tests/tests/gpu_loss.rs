@@ -20,7 +20,7 @@ use rt_core::{
 use rt_gpu::FaultInjection;
 use rt_sched::sample::Fraction;
 use rt_shaders::{FloatControls, Purpose};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::process::{Command, Stdio};
@@ -212,7 +212,7 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
 fn scheduling(queue: QueueKind, limit: Duration) -> Scheduling {
     // What is late is told by the device, not done by others.
     let limits = Limits { late: LIMIT, lost: limit, ..Limits::default() };
-    Scheduling { estimator: Box::new(Uniform), queue, limits, ..Scheduling::default() }
+    Scheduling { estimator: Box::new(Uniform), queue: Box::new(queue), limits, ..Scheduling::default() }
 }
 
 /// Traces the stream and checks every bit of hits and counts.

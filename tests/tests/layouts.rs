@@ -9,13 +9,14 @@ use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rayon::prelude::*;
 use rt_bvh::{Builder, Stack, WideTree, count_wide, trace_wide};
+use rt_conformance::{Subject, trials};
 use rt_core::{
     Device, Hit, Launch, Precision, Query, Ray, RaySource, ReducedWalk, StreamSpec, TestCounts, Tracer, Triangle, Walk,
     random, tasks_of,
 };
 use rt_scene::builtin;
-use rt_tests::conformance::{Subject, clock, trials};
 use rt_tests::scenes;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::Arc;

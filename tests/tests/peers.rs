@@ -5,15 +5,15 @@
 use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::Builder;
+use rt_conformance::is_required;
 use rt_core::{
     Device, DeviceErrorKind, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, StreamSpec, Task, TestCounts,
     Ticket, Triangle, Walk,
 };
-use rt_tests::conformance::clock;
-use rt_tests::is_required;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::trace_all;
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions, ObvhsDevice, ObvhsLayout};
+use rt_verify::clock;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::Reference;
 use rt_verify::{shapes, tree};

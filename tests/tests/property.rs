@@ -88,7 +88,7 @@ proptest! {
         let verdicts = Reference::new(&triangles).resolve_all(&rays);
         let scene = tree::build(&triangles, builder).map_err(TestCaseError::fail)?;
         for query in [Query::Closest, Query::Any] {
-            let (hits, _) = tree::trace(&scene, StreamSpec { query, precision, counts: false }, &rays);
+            let (hits, _) = tree::trace(&scene, StreamSpec::new(query, precision, false), &rays);
             prop_assert_eq!(hits.len(), rays.len());
             for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
                 let right = match query {
@@ -110,7 +110,7 @@ proptest! {
         for &builder in Builder::ALL {
             let scene = tree::build(&triangles, builder).map_err(TestCaseError::fail)?;
             for (precision, counts) in [(Precision::Robust, false), (Precision::Double, true)] {
-                let (hits, _) = tree::trace(&scene, StreamSpec { query: Query::Closest, precision, counts }, &rays);
+                let (hits, _) = tree::trace(&scene, StreamSpec::new(Query::Closest, precision, counts), &rays);
                 match &first {
                     None => first = Some(hits),
                     Some(first) => prop_assert_eq!(&hits, first, "{}, {:?}", builder, precision),

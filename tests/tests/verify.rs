@@ -63,6 +63,13 @@ fn fast_precision_leaks_where_it_is_known_to() {
 fn seeded_faults_fail_the_case_that_is_about_them() {
     for (case, flaw) in [
         ("watertight", Flaw::OpenEdge),
+        ("agreement", Flaw::Imprecise),
+        ("magnitudes", Flaw::TrustsRoundings),
+        ("magnitudes", Flaw::LosesDetails),
+        ("ties", Flaw::TrustsRoundings),
+        ("ends", Flaw::SkipsZero),
+        ("garbage", Flaw::LosesDetails),
+        ("garbage", Flaw::TrustsRoundings),
         ("agreement", Flaw::FlippedSign),
         ("agreement", Flaw::LosesLastRay),
         ("scale", Flaw::AbsoluteEpsilon),

@@ -5,7 +5,7 @@ use crate::nightly;
 use anyhow::{Context, Result, bail};
 
 /// The programs in `fuzz/fuzz_targets`.
-const TARGETS: [&str; 4] = ["obj", "npy", "geometry", "scheduling"];
+const TARGETS: [&str; 5] = ["obj", "npy", "geometry", "predicates", "scheduling"];
 
 /// Longest input in bytes: enough for some hundred triangles and rays.
 const LONGEST: u32 = 8192;

@@ -93,15 +93,23 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         documentation.env("RUSTDOCFLAGS", "-D warnings");
         steps.push(command("documentation", documentation));
         steps.push(command("facade alone", cargo(&format!("check -p {FACADE} --no-default-features"))));
-        for feature in Packages::read()?.facade_features()? {
+        let packages = Packages::read()?;
+        for feature in packages.facade_features()? {
             let check = cargo(&format!("check -p {FACADE} --no-default-features --features {feature}"));
             steps.push(command(&format!("facade with {feature}"), check));
         }
+        // Not built: that would be everything once more. The crate outside the workspace builds them by their paths.
+        let mut package = cargo("package --quiet --no-verify --allow-dirty");
+        package.args(packages.public().flat_map(|name| ["--package", name]));
+        steps.push(command("packaging", package));
         let check =
             if no_std::SUPPORTED { Check::Function(no_std::prove) } else { Check::Impossible("needs Linux on x86-64") };
         steps.push(Step { name: "no_std proof".to_owned(), check });
         steps.push(Step { name: "loom".to_owned(), check: Check::Function(unsafe_code::loom) });
     }
+    // The examples on the facade alone, and the suite on the backend among them.
+    let outside = "--manifest-path tools/outsider/Cargo.toml --target-dir target";
+    steps.push(command("a crate of somebody else's", cargo(&format!("test {outside}"))));
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
     match &setup.scenes {

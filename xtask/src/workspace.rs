@@ -29,11 +29,35 @@ impl Packages {
         self.0.iter().any(|package| package["name"] == name)
     }
 
+    /// The packages that others build on: all that may be published.
+    pub(crate) fn public(&self) -> impl Iterator<Item = &str> {
+        let public = self.0.iter().filter(|package| package["publish"].is_null());
+        public.filter_map(|package| package["name"].as_str())
+    }
+
     /// The features of the facade other than `default`.
     pub(crate) fn facade_features(&self) -> Result<Vec<String>> {
         let facade = self.0.iter().find(|package| package["name"] == FACADE);
         let features = facade.and_then(|package| package["features"].as_object());
         let features = features.with_context(|| format!("cargo metadata does not name the features of {FACADE}"))?;
         Ok(features.keys().filter(|&name| name != "default").cloned().collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::command::root;
+
+    /// The workflow runs the least compiler that is promised.
+    ///
+    /// Mutant: a `rust-version` that is raised in Cargo.toml alone.
+    #[test]
+    fn the_workflow_runs_the_least_rust() {
+        let packages = Packages::read().unwrap();
+        let facade = packages.0.iter().find(|package| package["name"] == FACADE).unwrap();
+        let least = facade["rust_version"].as_str().unwrap();
+        let workflow = std::fs::read_to_string(root().join(".github/workflows/test.yml")).unwrap();
+        assert!(workflow.contains(&format!("rust:{least}-")), "rust-version is {least}");
     }
 }

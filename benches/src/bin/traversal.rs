@@ -108,7 +108,7 @@ fn run(scene: &Scene, source: &RaySource, query: Query, kernel: Kernel, mut keep
     let begin = Instant::now();
     match kernel {
         Kernel::Trace(precision, counts) => {
-            rt_bvh::trace(scene, &mut stack, StreamSpec { query, precision, counts }, rays, sink);
+            rt_bvh::trace(scene, &mut stack, StreamSpec::new(query, precision, counts), rays, sink);
         }
         Kernel::Reduced(walk) => {
             rt_bvh::count(scene, &mut stack, Walk::Reduced(walk), Precision::Robust, rays, sink);

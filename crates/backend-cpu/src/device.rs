@@ -4,7 +4,7 @@ use crate::executor::Executor;
 use crate::launches::{self, Launches, Trees};
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
-use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
 use rt_simd::Kernel;
 use std::fmt;
 use std::sync::Arc;
@@ -69,7 +69,10 @@ impl CpuDevice {
             [first, .., last] => format!("CPU {index} (cores {}-{}, {isa})", first.id, last.id),
         };
         let executor = Executor::new(index, threads, cores).map_err(|source| OpenError::Threads { threads, source })?;
-        let info = DeviceInfo { name, backend: "cpu", units: threads as u32, in_flight: IN_FLIGHT, memory: None };
+        let info = DeviceInfo::new(name, "cpu")
+            .with_units(threads as u32)
+            .with_in_flight(IN_FLIGHT)
+            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree));
         Ok(Self { info, executor: Arc::new(executor), kernel, trees })
     }
 }
@@ -118,7 +121,8 @@ impl fmt::Display for OpenError {
 impl std::error::Error for OpenError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
-            Self::Threads { source, .. } => Some(source),
+            // What the system said; rayon's error says no more.
+            Self::Threads { source, .. } => source.source().or(Some(source)),
             Self::Instructions(_) => None,
         }
     }

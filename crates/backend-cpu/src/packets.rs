@@ -1,7 +1,7 @@
 //! The traversal kernels in the widest words that the processor has.
 
 use rt_bvh::{PacketWalk, Stack};
-use rt_core::{Hit, Precision, Ray, RaySource, Scene, TestCounts, Walk};
+use rt_core::{Hit, Precision, Ray, Scene, TestCounts, Walk};
 
 /// How rays are walked. Hits and counts are the same bits whichever it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,27 +33,26 @@ impl Kernels {
         Self::Portable
     }
 
-    /// Walks rays, which are of `source`, and hands hits and counts to `sink`, in order. Neighbours in the list share packets.
+    /// Walks rays and hands hits and counts to `sink`, in order. Neighbours in the list share packets, which pays where they
+    /// are `coherent`.
     pub(crate) fn walk<R, S>(
         self,
         scene: &Scene,
         stack: &mut Stack,
         walk: PacketWalk<'_>,
-        source: &RaySource,
+        coherent: bool,
         rays: R,
         sink: S,
     ) where
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
-        match (self, source) {
+        match self {
             #[cfg(target_arch = "x86_64")]
-            (Self::Avx2(proof), _) => walk_avx2(proof, scene, stack, walk, rays, sink),
+            Self::Avx2(proof) => walk_avx2(proof, scene, stack, walk, rays, sink),
             // Measured in words of SSE2: packets make camera rays faster, and incoherent ones a little slower.
-            (Self::Portable, RaySource::Camera(_)) => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
-            (Self::Portable, RaySource::Explicit { .. } | RaySource::Bounce(_)) => {
-                walk_alone(scene, stack, walk, rays, sink);
-            }
+            Self::Portable if coherent => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
+            Self::Portable => walk_alone(scene, stack, walk, rays, sink),
         }
     }
 }

@@ -7,8 +7,8 @@ use crate::stopwatch::Stopwatch;
 use rt_bvh::{PacketWalk, ReducedTree, Stack};
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec,
-    Task, TestCounts, Ticket, Tracer, Walk,
+    Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span,
+    StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -281,7 +281,7 @@ impl Worker {
             let none = (Ray::new([0.0; 3].into(), [0.0; 3].into()), u32::MAX);
             let rays = range.map(|ray| if number > 0 && is_done(ray) { none } else { source.ray(ray) });
             let mut i = 0;
-            self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, counts| {
+            self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, counts| {
                 set(i, hit, counts);
                 i += 1;
             });
@@ -292,7 +292,7 @@ impl Worker {
         done.iter().for_each(|ray| set((ray - first) as usize, Hit::MISS, TestCounts::default()));
         let mut slots = rest.iter().map(|ray| (ray - first) as usize);
         let rays = rest.iter().map(|&ray| source.ray(ray));
-        self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, counts| {
+        self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, counts| {
             if let Some(i) = slots.next() {
                 set(i, hit, counts);
             }
@@ -329,7 +329,7 @@ impl Worker {
                 |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
                     let mut i = 0;
                     let rays = rays.iter().map(|&ray| source.ray(ray));
-                    self.kernels.walk(&self.scene, stack, walk, source, rays, |hit, count| {
+                    self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, count| {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
                     });
@@ -340,6 +340,15 @@ impl Worker {
             }
         });
         Walked { counts, hits, span }
+    }
+}
+
+/// Whether rays that follow each other take similar paths: as the caller says, or as what made them does.
+fn is_coherent(source: &RaySource, spec: StreamSpec) -> bool {
+    match spec.coherence {
+        Coherence::Unknown => matches!(source, RaySource::Camera(_)),
+        Coherence::Coherent => true,
+        Coherence::Incoherent => false,
     }
 }
 

@@ -11,8 +11,8 @@ use crate::run::{Ran, run};
 use crate::worker::Call;
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
-    CostEstimator, Device, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream, Scene, StreamKind, StreamRecord,
-    StreamSpec, TestCounts,
+    CostEstimator, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream,
+    Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -182,12 +182,12 @@ impl Balancer {
         let begin = clock::now();
         self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || blind_excess(&self.members, scheduling.queue, tasks);
+        let expected = || blind_excess(&self.members, &*scheduling.queue, tasks);
         let blind = scheduling.blind_excess.unwrap_or_else(expected);
         let estimator = &mut *scheduling.estimator;
         let estimated = estimate(&mut self.members, stream, estimator, blind, output, &limits, control);
         let estimated = estimated.map_err(untouched)?;
-        let key = Key::of(&*scheduling.estimator, stream.kind);
+        let key = Key::of(&*scheduling.estimator, stream);
         learn_walks(&mut self.members, key, &estimated);
         let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
         let planned = clock::now();
@@ -223,27 +223,33 @@ impl Balancer {
         control: Control<'_>,
     ) -> Result<(), BalanceError> {
         settle(&mut self.members, limits, control)?;
+        let mut refused = Vec::new();
+        for member in self.members.iter_mut().filter(|member| member.is_ready()) {
+            if !member.info.capabilities.can_trace(stream.spec) {
+                let (precision, counts) = (stream.spec.precision.name(), stream.spec.counts);
+                let what =
+                    format!("it cannot trace with precision {precision}, counts {counts}: choose another device");
+                let error = DeviceError::new(DeviceErrorKind::Unsupported, what);
+                member.leave_out(&error);
+                refused.push((member.index, error));
+            }
+        }
         let (source, spec, limit) = (&stream.source, stream.spec, limits.lost);
         let call = || Call::Load { source: source.clone(), spec, limit, audit };
-        let mut refused = ask_all(&mut self.members, call, limits, control)?;
-        for member in self.members.iter_mut().filter(|member| member.is_alive() && !member.is_ready()) {
-            member.remark = Some("it was not ready in time: left out of this stream".to_owned());
+        for (index, error) in ask_all(&mut self.members, call, limits, control)? {
+            self.members[index].leave_out(&error);
+            refused.push((index, error));
         }
-        if !self.members.iter().any(Member::is_ready) {
-            return Err(all_lost(&self.members, stream.tasks.len()));
-        }
-        let taken = self.members.iter().filter(|member| member.is_ready()).count() - refused.len();
-        match refused.pop() {
-            Some((index, source)) if taken == 0 => {
-                Err(BalanceError::Refused { device: self.members[index].info.name.clone(), source })
+        if self.members.iter().any(Member::is_ready) {
+            for member in self.members.iter_mut().filter(|member| member.may_come() && !member.is_ready()) {
+                member.remark = Some("it was not ready in time: left out of this stream".to_owned());
             }
-            last => {
-                for (index, error) in refused.into_iter().chain(last) {
-                    self.members[index].leave_out(&error);
-                }
-                Ok(())
-            }
+            return Ok(());
         }
+        Err(match refused.pop() {
+            Some((index, source)) => BalanceError::Refused { device: self.members[index].info.name.clone(), source },
+            None => all_lost(&self.members, stream.tasks.len()),
+        })
     }
 
     /// The devices, and the clock's begin.

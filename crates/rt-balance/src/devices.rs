@@ -150,13 +150,25 @@ fn card_entries() -> Vec<String> {
     Vec::new()
 }
 
+/// Whether a list can be read. Nothing is opened, so this says nothing of the machine.
+///
+/// # Errors
+/// When an entry cannot be read.
+pub fn check(list: &str) -> Result<(), ListError> {
+    match list {
+        AUTO => Ok(()),
+        list => entries(list).iter().try_for_each(|entry| parse(entry).map(drop)),
+    }
+}
+
 fn parse(entry: &str) -> Result<Spec, ListError> {
     let error = |reason| ListError { entry: entry.to_owned(), reason };
     let (device, speed) = match entry.split_once('@') {
-        Some((device, speed)) => (device, speed.parse::<f64>().ok().filter(|s| *s > 0.0 && *s <= 1.0)),
+        Some((device, speed)) => (device, speed.parse::<f64>().ok()),
         None => (entry, Some(1.0)),
     };
-    let speed = speed.ok_or_else(|| error(Reason::Speed))?;
+    let is_served = |speed: &f64| (Throttled::SLOWEST..=1.0).contains(speed);
+    let speed = speed.filter(is_served).ok_or_else(|| error(Reason::Speed))?;
     let (backend, number) = match device.split_once(':') {
         Some((backend, number)) => (backend, Some(number)),
         None => (device, None),
@@ -216,7 +228,8 @@ impl fmt::Display for ListError {
         let entry = &self.entry;
         match &self.reason {
             Reason::Speed => {
-                write!(f, "the speed in `{entry}` must be a number above 0 and at most 1, such as cpu:1@0.5")
+                let slowest = Throttled::SLOWEST;
+                write!(f, "the speed in `{entry}` must be a number from {slowest} to 1, such as cpu:1@0.5")
             }
             Reason::Threads => write!(
                 f,
@@ -254,17 +267,42 @@ impl Error for ListError {
 mod tests {
     use super::*;
 
+    /// Mutants: a bound of the speeds or of the threads moved; `check` that looks at the first entry alone.
     #[test]
     fn entries_are_parsed_or_explained() {
         assert_eq!(parse("cpu").unwrap(), Spec { kind: Kind::Cpu(0), speed: 1.0 });
         assert_eq!(parse("cpu:3@0.5").unwrap(), Spec { kind: Kind::Cpu(3), speed: 0.5 });
         for bad in [
-            "", "gpu", "cpu:0", "cpu:x", "cpu:1@0", "cpu:1@2", "cpu:1@", "cpu:-1", "vulkan", "vulkan:x", "wgpu",
+            "",
+            "gpu",
+            "cuda:0",
+            "cpu:0",
+            "cpu:4097",
+            "cpu:x",
+            "cpu:-1",
+            "cpu:1@",
+            "cpu:1@0",
+            "cpu:1@-1",
+            "cpu:1@nan",
+            "cpu:1@inf",
+            "cpu:1@2",
+            "cpu:1@1.01",
+            "cpu:1@1e-300",
+            "cpu:1@1e-6",
+            "cpu:1@0.0009",
+            "cpu:1@0.5@0.5",
+            "vulkan",
+            "vulkan:x",
+            "wgpu",
             "wgpu:-1",
         ] {
             let message = parse(bad).unwrap_err().to_string();
             assert!(message.contains(&format!("`{bad}`")), "{message}");
+            assert!(check(&format!("cpu:1, {bad}")).is_err(), "{bad}");
         }
+        assert!(["auto", "cpu", "cpu:1,cpu:4096@0.001"].iter().all(|list| check(list).is_ok()));
+        // Not a list of its own beside other entries.
+        assert!(check("cpu:1,auto").is_err());
     }
 
     /// Mutant: entries read as they stand, with the blanks around them.

@@ -32,7 +32,7 @@ pub enum BalanceError {
         /// First ray that is not where it should be.
         ray: u32,
     },
-    /// The policy cannot be used with the queue.
+    /// A policy was chosen for a queue that takes none.
     PolicyUnused {
         /// Name of the policy.
         policy: &'static str,
@@ -115,13 +115,7 @@ impl fmt::Display for BalanceError {
                 write!(f, "argument `tasks` must cover the stream's rays once and in order, which fails at ray {ray}")
             }
             Self::PolicyUnused { policy, queue } => {
-                let reason = match *queue {
-                    "central" => {
-                        "gives out single tasks, dearest first, and deals none beforehand: leave the policy out"
-                    }
-                    _ => "starts from the policy lpt: leave the policy out or choose that one",
-                };
-                write!(f, "policy {policy} cannot be used with the {queue} queue, which {reason}")
+                write!(f, "the {queue} queue takes no policy: leave {policy} out, or choose another queue")
             }
             Self::Estimator { estimator, mistake } => write!(f, "estimator {estimator}: {mistake}"),
             Self::Policy { policy, mistake } => write!(f, "policy {policy}: {mistake}"),
@@ -130,7 +124,10 @@ impl fmt::Display for BalanceError {
                 write!(f, "blind_excess is {found}: give a share of the makespan, from 0 up, or None")
             }
             Self::Thread { device, .. } => {
-                write!(f, "--devices: cannot start the threads of {device}: give fewer devices, or raise `ulimit -u`")
+                write!(
+                    f,
+                    "cannot start the threads of {device}: give fewer devices, or allow more threads (`ulimit -u`)"
+                )
             }
             Self::Refused { device, .. } => write!(f, "{device} refused the stream"),
             Self::AllDevicesLost { unfinished, failures } => {

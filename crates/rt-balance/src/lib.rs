@@ -23,7 +23,9 @@
 //! ```
 //!
 //! Features: each of `cpu` (default), `vulkan` and `wgpu` adds one re-export of a backend and nothing else. Any other backend that
-//! implements [`Device`] and [`Tracer`] can be used beside them.
+//! implements [`Device`] and [`Tracer`] can be used beside them; the crate `rt-conformance` tests it. `ploc` adds a tree builder
+//! ([`Builder`]). What the seams speak in is re-exported, [`glam`] too, so that estimators, policies, builders and backends of
+//! one's own need this crate alone: the folder `examples` has one of each.
 //!
 //! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
 //! stream; a stream has at most 2³² − 1 rays.
@@ -61,7 +63,8 @@ pub use clock::now as clock;
 pub use error::BalanceError;
 pub use limits::Limits;
 pub use reference::Reference;
-pub use stream::{Control, DEFAULT_TASK_SIZE, QueueKind, Scheduling, Stream};
+pub use rt_sched::queue::QueueKind;
+pub use stream::{Control, DEFAULT_TASK_SIZE, Scheduling, Stream};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]
@@ -75,9 +78,16 @@ pub use backend_vulkan as vulkan;
 #[cfg(feature = "wgpu")]
 pub use backend_wgpu as wgpu;
 
-pub use rt_bvh::{BuildOptions, Built, Mesh, build};
+// Whatever a signature above or a part of a caller's own may name, so that this crate is the only dependency they need.
+pub use glam;
+#[cfg(feature = "ploc")]
+pub use rt_bvh::PlocQuality;
+pub use rt_bvh::{BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, build};
 pub use rt_core::{
-    Camera, CameraRays, CostEstimator, Device, Hit, Precision, Query, Ray, RaySource, Scene, StreamKind, StreamSpec,
-    Task, TestCounts, Tracer, Walk, Work,
+    Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
+    Counted, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, MAX_DEPTH, Node,
+    Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask, RaySource, RayStream, ReducedWalk, Scene,
+    SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId, TaskOutcome, TestCounts,
+    Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect, morton, random, tasks_of,
 };
-pub use rt_sched::{estimate as estimators, policy as policies};
+pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues, sample};

@@ -50,7 +50,7 @@ pub(crate) fn measure(
     activities.extend(ran.walks.iter().map(|walk| walk.activity(times.origin)));
     activities.extend(ran.launches.iter().map(|launch| launch.activity(times.origin)));
 
-    let key = Key::of(&*scheduling.estimator, stream.kind);
+    let key = Key::of(&*scheduling.estimator, stream);
     let devices: Vec<DeviceReport> = members
         .iter()
         .enumerate()

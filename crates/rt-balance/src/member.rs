@@ -65,13 +65,7 @@ impl Member {
         Ok(Self {
             index,
             // Until it tells.
-            info: DeviceInfo {
-                name: format!("device {index}"),
-                backend: "unknown",
-                units: 1,
-                in_flight: 1,
-                memory: None,
-            },
+            info: DeviceInfo::new(format!("device {index}"), "unknown"),
             worker: Some(worker),
             parting: None,
             models: Models::default(),

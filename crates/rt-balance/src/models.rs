@@ -1,11 +1,12 @@
 //! What was learned about each device's speed.
 
-use crate::QueueKind;
+use crate::Stream;
 use crate::member::Member;
 use crate::record::{LaunchDone, WalkDone};
-use rt_core::{CostEstimator, CostModel, StreamKind, TaskId, Work};
+use rt_core::{Coherence, CostEstimator, CostModel, CountsToken, StreamKind, TaskId, Work};
 use rt_sched::blind;
 use rt_sched::calibrate::{Calibration, Fit, Measured};
+use rt_sched::queue::QueueMaker;
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -22,25 +23,26 @@ pub(crate) struct Models {
 /// stream, since incoherent rays miss the caches that coherent ones hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
-    estimator: &'static str,
+    counts: CountsToken,
     class: u8,
+    coherence: Coherence,
 }
 
 impl Key {
     /// The key of a stream.
-    fn new(estimator: &dyn CostEstimator, kind: StreamKind) -> Self {
-        let class = match kind {
+    fn new(estimator: &dyn CostEstimator, stream: &Stream) -> Self {
+        let class = match stream.kind {
             StreamKind::Primary => 0,
             StreamKind::Shadow(_) => 1,
             StreamKind::Diffuse(_) => 2,
             _ => 3,
         };
-        Self { estimator: estimator.name(), class }
+        Self { counts: estimator.counts(), class, coherence: stream.spec.coherence }
     }
 
     /// The key of a stream after its estimate; `None` when that does not count tests.
-    pub(crate) fn of(estimator: &dyn CostEstimator, kind: StreamKind) -> Option<Self> {
-        estimator.counts_tests().then(|| Self::new(estimator, kind))
+    pub(crate) fn of(estimator: &dyn CostEstimator, stream: &Stream) -> Option<Self> {
+        estimator.counts_tests().then(|| Self::new(estimator, stream))
     }
 }
 
@@ -111,18 +113,11 @@ pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, 
 /// cards, where the mean speed is some eight times the slowest ([`blind::unequal`]).
 const UNKNOWN: f64 = 16.0;
 
-/// What a stream is expected to lose without an estimate, as a share of its makespan: all of it in static queues, where the
-/// devices are not known to be equally fast.
-pub(crate) fn blind_excess(members: &[Member], queue: QueueKind, tasks: usize) -> f64 {
+/// What a stream is expected to lose without an estimate, as a share of its makespan.
+pub(crate) fn blind_excess(members: &[Member], queue: &dyn QueueMaker, tasks: usize) -> f64 {
     let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
     let speeds = if lanes.len() > 1 { speeds(members, &lanes) } else { Some(vec![1.0]) };
-    let unequal = speeds.map_or(UNKNOWN, |speeds| blind::unequal(&speeds));
-    match queue {
-        QueueKind::Static if unequal > 1.0 => 1.0,
-        QueueKind::Static => blind::fixed_excess(tasks, lanes.len()),
-        QueueKind::Central => unequal * blind::central_excess(tasks, lanes.len()),
-        QueueKind::Hybrid => unequal * blind::hybrid_excess(tasks, lanes.len()),
-    }
+    queue.blind_excess(tasks, lanes.len(), speeds.map_or(UNKNOWN, |speeds| blind::unequal(&speeds)))
 }
 
 /// How fast the devices were found by what all of them have measured most of, launches before walks; equal where differences

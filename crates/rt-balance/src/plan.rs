@@ -3,11 +3,9 @@
 use crate::estimate::Estimated;
 use crate::member::{Member, all_lost};
 use crate::models::{Key, models_for};
-use crate::{BalanceError, QueueKind, Scheduling, Stream};
+use crate::{BalanceError, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};
-use rt_sched::Schedule;
-use rt_sched::policy::Policy;
-use rt_sched::queue::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
+use rt_sched::queue::{Dealt, TaskQueue};
 use std::sync::Arc;
 
 /// Who may trace what, before anything runs.
@@ -43,28 +41,14 @@ pub(crate) fn plan_of(
         return Err(all_lost(members, stream.tasks.len()));
     }
     let left = left_of(stream, estimated);
-    let models = models_for(members, &lanes, Key::of(&*scheduling.estimator, stream.kind), &left);
-    let queue: Box<dyn TaskQueue> = match scheduling.queue {
-        QueueKind::Central => Box::new(CentralQueue::new(&left, &models)),
-        QueueKind::Static => Box::new(StaticQueue::new(&deal(scheduling.policy()?, &left, &models)?)),
-        QueueKind::Hybrid => {
-            let schedule = deal(scheduling.policy()?, &left, &models)?;
-            Box::new(HybridQueue::new(&schedule, &left, &models))
-        }
-    };
-    Ok(Plan { lanes, models, left, kept: estimated.kept.clone(), queue, queue_name: scheduling.queue.name() })
-}
-
-/// Has a policy deal the tasks, and sees that it dealt these to these devices.
-fn deal(policy: &dyn Policy, work: &[Work], models: &[CostModel]) -> Result<Schedule, BalanceError> {
-    let schedule = policy.schedule(work, models);
-    let (lists, tasks) = (schedule.lists().len(), schedule.tasks());
-    if (lists, tasks) == (models.len(), work.len()) {
-        return Ok(schedule);
-    }
-    let (devices, all) = (models.len(), work.len());
-    let mistake = format!("it deals {tasks} tasks to {lists} devices, but there are {all} and {devices}");
-    Err(BalanceError::Policy { policy: policy.name(), mistake })
+    let models = models_for(members, &lanes, Key::of(&*scheduling.estimator, stream), &left);
+    let (maker, policy) = (&*scheduling.queue, scheduling.policy()?);
+    let schedule = maker.deal(policy, &left, &models).ok_or_else(|| BalanceError::Policy {
+        policy: policy.name(),
+        mistake: "it deals other tasks than it was given, or to other devices".to_owned(),
+    })?;
+    let queue = maker.make(Dealt { schedule: &schedule, work: &left, devices: &models });
+    Ok(Plan { lanes, models, left, kept: estimated.kept.clone(), queue, queue_name: maker.name() })
 }
 
 /// The estimated work without the rays whose hits were kept: a task's sampled rays are taken to be like its others.

@@ -8,7 +8,7 @@ use crate::report::{ActivityKind, StreamRun};
 use rt_core::{CostModel, TaskId, Work};
 use rt_sched::bound;
 use rt_sched::policy::{Lpt, Policy};
-use rt_sched::queue::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
+use rt_sched::queue::{Dealt, Needs, QueueKind, QueueMaker};
 use rt_sched::simulate::Simulation;
 
 /// What a run with an estimate on one real device tells of the estimate.
@@ -64,13 +64,25 @@ pub struct Replay<'a> {
 
 /// The queue of a replay.
 #[derive(Clone, Copy, Debug)]
-pub enum Queue<'a> {
-    /// Static queues, dealt by a policy.
-    Static(&'a dyn Policy),
-    /// A central queue, dearest first.
-    Central,
-    /// Static shares with stealing.
-    Hybrid,
+pub struct Queue<'a> {
+    /// What makes it.
+    pub maker: &'a dyn QueueMaker,
+    /// What deals or orders the tasks.
+    pub policy: &'a dyn Policy,
+}
+
+impl<'a> Queue<'a> {
+    /// The default of real runs.
+    pub const HYBRID: Queue<'static> = Queue::new(&QueueKind::Hybrid, None);
+
+    /// A queue with this policy, or the default one.
+    #[must_use]
+    pub const fn new(maker: &'a dyn QueueMaker, policy: Option<&'a dyn Policy>) -> Self {
+        match policy {
+            Some(policy) => Self { maker, policy },
+            None => Self { maker, policy: &Lpt },
+        }
+    }
 }
 
 impl Replay<'_> {
@@ -100,15 +112,11 @@ impl Replay<'_> {
     }
 
     fn run(&self, queue: Queue<'_>, work: &[Work], models: &[CostModel], left: impl Fn(TaskId) -> f64) -> f64 {
+        // Of a policy that deals otherwise than it is asked nothing is left.
+        let schedule = queue.maker.deal(queue.policy, work, models).unwrap_or_default();
         // One launch in flight is the paper's central queue: a stop, and the launch's cost, for every task.
-        let (queue, in_flight): (Box<dyn TaskQueue>, usize) = match queue {
-            Queue::Static(policy) => (Box::new(StaticQueue::new(&policy.schedule(work, models))), 1),
-            Queue::Central => (Box::new(CentralQueue::new(work, models)), 1),
-            Queue::Hybrid => {
-                let schedule = Lpt.schedule(work, models);
-                (Box::new(HybridQueue::new(&schedule, work, models)), 2)
-            }
-        };
+        let in_flight = if queue.maker.needs() == Needs::Order { 1 } else { 2 };
+        let queue = queue.maker.make(Dealt { schedule: &schedule, work, devices: models });
         let seconds = |device: usize, task: TaskId| {
             self.task_s[task as usize] * left(task) / self.speeds.get(device).copied().unwrap_or(1.0)
         };
@@ -137,28 +145,32 @@ mod tests {
     fn devices_share_walks_and_leave_out_kept_rays() {
         let task_s = [4.0, 1.0, 1.0, 1.0, 1.0];
         let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.0 };
-        let (total, estimate) = replay.cost_initialised(Queue::Static(&Lpt), &seen(&task_s, 0.5));
+        let (total, estimate) =
+            replay.cost_initialised(Queue::new(&QueueKind::Static, Some(&Lpt)), &seen(&task_s, 0.5));
         assert!((estimate - 0.31).abs() < 1e-9, "{estimate}");
         // Half of every task is left, and LPT deals 4 against 1 + 1 + 1 + 1.
         assert!((total - estimate - 2.0).abs() < 1e-3, "{total}");
         let fast = Replay { speeds: &[1.0, 3.0], ..replay };
-        assert!((fast.cost_initialised(Queue::Static(&Lpt), &seen(&task_s, 1.0)).1 - 0.16).abs() < 1e-9);
+        assert!(
+            (fast.cost_initialised(Queue::new(&QueueKind::Static, Some(&Lpt)), &seen(&task_s, 1.0)).1 - 0.16).abs()
+                < 1e-9
+        );
         assert_eq!(fast.lower_bound(), 2.0);
     }
 
-    /// Mutants: two launches in flight for `Queue::Central`; blocks dealt in turn.
+    /// Mutants: two launches in flight for the central queue; blocks dealt in turn.
     #[test]
     fn queues_differ_as_they_should() {
         let task_s = [3.0, 3.0, 1.0, 1.0];
         let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.5 };
         let rays = [64; 4];
         let near = |a: f64, b: f64| (a - b).abs() < 1e-3;
-        let blocks = replay.regular(Queue::Static(&Block), &rays);
+        let blocks = replay.regular(Queue::new(&QueueKind::Static, Some(&Block)), &rays);
         assert!(near(blocks, 6.5), "{blocks}");
-        let turns = replay.regular(Queue::Static(&RoundRobin), &rays);
+        let turns = replay.regular(Queue::new(&QueueKind::Static, Some(&RoundRobin)), &rays);
         assert!(near(turns, 4.5), "{turns}");
         // Two tasks on each device, each with its launch.
-        let central = replay.regular(Queue::Central, &rays);
+        let central = replay.regular(Queue::new(&QueueKind::Central, None), &rays);
         assert!(near(central, 5.0), "{central}");
     }
 }

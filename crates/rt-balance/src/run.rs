@@ -181,7 +181,7 @@ impl Run<'_> {
     /// Gives a device launches until it has `most`, or as many as it can have, or there is nothing for it.
     fn feed(&mut self, lane: usize, most: usize, members: &mut [Member]) -> Result<(), BalanceError> {
         let most = most.min(self.lanes[lane].capacity);
-        while self.lanes[lane].is_punctual() && self.lanes[lane].in_flight.len() < most {
+        while self.open > 0 && self.lanes[lane].is_punctual() && self.lanes[lane].in_flight.len() < most {
             let Some((tasks, queued)) = self.next(lane)? else { break };
             let ranges: Vec<Task> = tasks.iter().map(|&id| self.stream.tasks[id as usize]).collect();
             let predicted_s = tasks.iter().map(|&id| self.plan.seconds(lane, id)).sum();

@@ -4,6 +4,7 @@ use crate::{Audit, BalanceError, Limits};
 use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
 use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
+use rt_sched::queue::{Needs, QueueKind, QueueMaker};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rays per task when nothing else is asked for: a 32 × 32 pixel tile of primary rays, the size of the paper's
@@ -50,7 +51,16 @@ impl Stream {
     pub fn view(&self, devices: usize, blind_excess: f64) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
         let (source, seed, part) = (Some(&self.source), self.seed, self.wave);
-        RayStream { kind: self.kind, tasks: &self.tasks, seed, part, source, devices, blind_excess }
+        RayStream {
+            kind: self.kind,
+            coherence: self.spec.coherence,
+            tasks: &self.tasks,
+            seed,
+            part,
+            source,
+            devices,
+            blind_excess,
+        }
     }
 
     /// Checks that the tasks cover the rays, and that every ray has an origin if any has.
@@ -71,39 +81,15 @@ impl Stream {
     }
 }
 
-/// Which queue hands tasks to devices.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum QueueKind {
-    /// Static distributed queues: one launch per device with its whole share.
-    Static,
-    /// One central queue, one task per launch, dearest first.
-    Central,
-    /// Static shares in geometric launches, with stealing. The default.
-    #[default]
-    Hybrid,
-}
-
-impl QueueKind {
-    /// The name used by the command line and in reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Static => "static",
-            Self::Central => "central",
-            Self::Hybrid => "hybrid",
-        }
-    }
-}
-
 /// How a stream is estimated and scheduled.
 #[derive(Debug)]
 pub struct Scheduling {
     /// Estimates the cost of each task.
     pub estimator: Box<dyn CostEstimator>,
-    /// Deals tasks to devices; `None` lets the queue choose (LPT for static and hybrid queues).
+    /// Deals tasks to devices, or orders them, as the queue needs; `None`: longest processing time first.
     pub policy: Option<Box<dyn Policy>>,
-    /// Hands tasks out.
-    pub queue: QueueKind,
+    /// Makes what hands tasks out: a [`QueueKind`], or one's own.
+    pub queue: Box<dyn QueueMaker>,
     /// What a stream loses without an estimate, as a share of its makespan, for estimators that ask whether they pay;
     /// `None`: as expected from queue, tasks and devices ([`rt_sched::blind`]). With 1 an estimate always pays.
     pub blind_excess: Option<f64>,
@@ -119,7 +105,7 @@ impl Default for Scheduling {
         Self {
             estimator: Box::<Auto>::default(),
             policy: None,
-            queue: QueueKind::Hybrid,
+            queue: Box::<QueueKind>::default(),
             blind_excess: None,
             limits: Limits::default(),
             audit: Audit::default(),
@@ -140,21 +126,22 @@ impl Scheduling {
     /// The policy that will deal the tasks.
     ///
     /// # Errors
-    /// When a policy was chosen that the queue would ignore.
+    /// When a policy was chosen for a queue that needs none.
     pub fn policy(&self) -> Result<&dyn Policy, BalanceError> {
         const LPT: Lpt = Lpt;
-        match (&self.policy, self.queue) {
+        match (&self.policy, self.queue.needs()) {
             (None, _) => Ok(&LPT),
-            (Some(policy), QueueKind::Static) => Ok(&**policy),
-            (Some(policy), QueueKind::Hybrid) if policy.name() == LPT.name() => Ok(&**policy),
-            (Some(policy), queue) => Err(BalanceError::PolicyUnused { policy: policy.name(), queue: queue.name() }),
+            (Some(policy), Needs::Lists | Needs::Order) => Ok(&**policy),
+            (Some(policy), Needs::Nothing) => {
+                Err(BalanceError::PolicyUnused { policy: policy.name(), queue: self.queue.name() })
+            }
         }
     }
 
-    /// Name of the policy that will deal the tasks; `None` for the central queue, which has none.
+    /// Name of the policy that will deal the tasks; `None` for a queue that needs none.
     #[must_use]
     pub fn policy_name(&self) -> Option<&'static str> {
-        (self.queue != QueueKind::Central).then(|| self.policy.as_ref().map_or("lpt", |policy| policy.name()))
+        (self.queue.needs() != Needs::Nothing).then(|| self.policy.as_ref().map_or(Lpt.name(), |policy| policy.name()))
     }
 }
 

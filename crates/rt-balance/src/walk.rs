@@ -5,7 +5,7 @@ use crate::member::{Member, all_lost, cancelled};
 use crate::record::WalkDone;
 use crate::worker::{Answer, Call, Done, Walked};
 use crate::{BalanceError, Control};
-use rt_core::{DeviceError, Hit, TestCounts, Walk};
+use rt_core::{DeviceError, DeviceErrorKind, Hit, TestCounts, Walk};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::Arc;
@@ -47,7 +47,14 @@ pub(crate) fn walk_on_all(
     let (to, answers) = channel();
     let size = (rays.len() / (members.len() * CHUNKS_PER_DEVICE)).max(LEAST_CHUNK);
     let chunks: Vec<Range<usize>> = (0..rays.len()).step_by(size).map(|at| at..rays.len().min(at + size)).collect();
-    let walkers = members.iter().filter(|member| member.is_ready()).map(|member| Walker::new(member.index)).collect();
+    let ready = || members.iter().filter(|member| member.is_ready());
+    let able = ready().filter(|member| member.info.capabilities.has_walk(walk));
+    let walkers: Vec<Walker> = able.map(|member| Walker::new(member.index)).collect();
+    // None of them has to be asked to know that.
+    let unable = ready().next().filter(|_| walkers.is_empty()).map(|member| {
+        let message = format!("no device has the walk {walk:?}: choose another estimator, or add a CPU device");
+        (member.index, DeviceError::new(DeviceErrorKind::Unsupported, message))
+    });
     let walking = Walking {
         rays,
         walk,
@@ -59,7 +66,7 @@ pub(crate) fn walk_on_all(
         chunks,
         walkers,
         slowest: 0.0,
-        unable: None,
+        unable,
         to,
         answers,
         found: Found {

@@ -163,7 +163,7 @@ fn any_finds_a_hit_exactly_where_there_is_one() {
         let scene = scene_of(&model, Builder::Sah);
         for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
             for (ray, want) in rays.iter().zip(closest(&scene, precision, &rays)) {
-                let spec = StreamSpec { query: Query::Any, precision, counts: false };
+                let spec = StreamSpec::new(Query::Any, precision, false);
                 let (got, _) = trace_all(&scene, spec, &[*ray])[0];
                 assert_eq!(got.is_hit(), want.is_hit(), "{precision:?}: {ray:?}");
                 if got.is_hit() && precision != Precision::Fast {
@@ -192,7 +192,7 @@ fn invalid_rays_miss() {
     ];
     for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
         for query in [Query::Closest, Query::Any] {
-            for answer in trace_all(&scene, StreamSpec { query, precision, counts: true }, &bad) {
+            for answer in trace_all(&scene, StreamSpec::new(query, precision, true), &bad) {
                 assert_eq!(answer, (Hit::MISS, Default::default()));
             }
         }

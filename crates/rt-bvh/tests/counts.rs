@@ -18,7 +18,7 @@ fn counts_are_consistent() {
         let rays = nasty_rays(&model, 2_000, 4);
         for &builder in Builder::ALL {
             let scene = scene_of(&model, builder);
-            let spec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
+            let spec = StreamSpec::new(Query::Closest, Precision::Robust, true);
             let full = trace_all(&scene, spec, &rays);
             assert_eq!(count_all(&scene, Walk::Full, &rays), full, "{builder}");
             // Counting changes no hit.

@@ -37,7 +37,7 @@ fn free(rays: &[Ray]) -> impl Iterator<Item = (Ray, u32)> {
 
 fn in_packets(scene: &Scene, precision: Precision, rays: &[Ray]) -> Vec<Hit> {
     let mut hits = Vec::new();
-    let walk = PacketWalk::Trace(StreamSpec { query: Query::Closest, precision, counts: false });
+    let walk = PacketWalk::Trace(StreamSpec::new(Query::Closest, precision, false));
     walk_packets(scene, &mut Stack::default(), walk, free(rays), |hit, _| hits.push(hit));
     hits
 }

@@ -15,7 +15,7 @@ fn walks(trees: &[ReducedTree]) -> Vec<PacketWalk<'_>> {
     for query in [Query::Closest, Query::Any] {
         for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
             for counts in [true, false] {
-                walks.push(PacketWalk::Trace(StreamSpec { query, precision, counts }));
+                walks.push(PacketWalk::Trace(StreamSpec::new(query, precision, counts)));
             }
         }
     }

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, WideTree, build, count_wide, trace_wide};
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 
-const CLOSEST: StreamSpec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
+const CLOSEST: StreamSpec = StreamSpec::new(Query::Closest, Precision::Robust, true);
 
 /// For comparing bits, so that a NaN or a −0 shows.
 fn bits(hit: Hit) -> [u32; 4] {

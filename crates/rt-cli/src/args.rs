@@ -11,6 +11,7 @@ mod trace;
 mod tradeoff;
 mod verify;
 
+use crate::exit::Exit;
 pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
 pub(crate) use cards::CardArgs;
@@ -27,7 +28,7 @@ pub(crate) use verify::VerifyArgs;
 /// Without a command, renders the built-in garden into out/ and prints how well the work was balanced.
 #[derive(Debug, Parser)]
 #[command(name = "raybalance", version, about, long_about)]
-#[command(after_help = "Examples:
+#[command(after_help = format!("Examples:
   raybalance                                        render the built-in garden into out/
   raybalance render car --size 1280x800 --spp 8     the built-in car, better sampled
   raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
@@ -35,7 +36,7 @@ pub(crate) use verify::VerifyArgs;
   raybalance trace room.obj --rays rays.npy --hits hits.npy
   raybalance verify --backend cpu,vulkan:0
 
-Exit codes: 0 success, 1 failure, 2 wrong usage, 130 interrupted.")]
+{}.", Exit::HELP))]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Option<Command>,

@@ -2,34 +2,43 @@
 
 use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
-use anyhow::{Context, Result, bail};
-use rt_balance::catalogue::{Entry, Estimator, Make};
+use anyhow::{Context, Result};
+use rt_balance::catalogue::{Estimator, Make};
 use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
+use rt_report::usage::{OrUsage, usage};
 use rt_sched::sample::Fraction;
+
+/// The estimator whose walks `--reduced` tells apart.
+const REDUCED: &str = "reduced";
 
 impl EstimateArgs {
     /// The estimator asked for.
     ///
     /// # Errors
-    /// When the fraction is none, or has no meaning for the estimator.
+    /// When an option has no meaning for the estimator.
     pub(crate) fn chosen(&self) -> Result<Estimator> {
-        let given =
-            self.fraction.map(|f| Fraction::new(f).context("--fraction must be from 1/4096 to 1")).transpose()?;
-        let entry = self.entry();
+        let entry = self.estimator;
+        let unused = |option, instead| {
+            Err(usage(format!("{option} has no meaning for the estimator {}: {instead}", entry.name)))
+        };
+        if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..) | Make::Beginning(..)) {
+            return unused("--fraction", "name one that samples so many rays, such as --estimator exact");
+        }
+        if self.budget.is_some() && !matches!(entry.make, Make::Spending(..)) {
+            return unused("--budget", "it is for --estimator auto");
+        }
+        if self.reduced.is_some() && entry.name != REDUCED {
+            return unused("--reduced", "give --estimator reduced");
+        }
+        let entry = self.reduced.unwrap_or(entry);
         let chosen = match entry.make {
             Make::Plain(_) => None,
-            Make::Spending(..) if given.is_some() => {
-                bail!("--fraction has no meaning for the estimator {}: give --budget, or --estimator exact", entry.name)
+            Make::Spending(..) => self.budget.and_then(|budget| entry.spending(budget)),
+            Make::Sampling(..) | Make::Beginning(..) => {
+                self.fraction.and_then(Fraction::new).and_then(|fraction| entry.sampling(fraction))
             }
-            Make::Spending(..) => entry.spending(self.budget),
-            Make::Sampling(..) | Make::Beginning(..) => given.and_then(|fraction| entry.sampling(fraction)),
         };
         Ok(chosen.unwrap_or_else(|| entry.usual()))
-    }
-
-    /// What `--estimator` and `--reduced` name together.
-    fn entry(&self) -> &'static Entry<Make> {
-        if self.estimator.name == "reduced" { self.reduced } else { self.estimator }
     }
 }
 
@@ -42,8 +51,9 @@ impl BalanceArgs {
         let estimator = self.estimate.chosen()?.make();
         let policy = self.policy.map(|policy| (policy.make)());
         let limits = Limits::within(self.device_limit);
-        let scheduling = Scheduling { estimator, policy, queue: self.queue.make, limits, ..Scheduling::default() };
-        scheduling.policy().context("--policy")?;
+        let queue = Box::new(self.queue.make);
+        let scheduling = Scheduling { estimator, policy, queue, limits, ..Scheduling::default() };
+        scheduling.policy().context("--policy").or_usage()?;
         Ok(scheduling)
     }
 

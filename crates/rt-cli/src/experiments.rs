@@ -1,13 +1,16 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
 use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
-use crate::{interrupt, progress};
+use crate::{interrupt, progress, scene};
 use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_balance::devices::AUTO;
 use rt_lab::tradeoff::{Chosen, precision};
 use rt_lab::{Lab, Show, bench, figure1, tradeoff};
+use rt_report::print::{Stdout, note};
 use rt_scene::prepare::Prepared;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 /// How finely the bar is divided; it is 40 characters wide.
 const WHOLE: f64 = 10_000.0;
@@ -18,12 +21,12 @@ struct Terminal {
 }
 
 impl Show for Terminal {
-    fn print(&self, text: &str) {
-        self.bar.suspend(|| println!("{text}"));
+    fn print(&self, text: &str) -> io::Result<()> {
+        self.bar.suspend(|| writeln!(Stdout, "{text}"))
     }
 
     fn note(&self, text: &str) {
-        self.bar.suspend(|| eprintln!("note: {text}"));
+        self.bar.suspend(|| note(format_args!("note: {text}")));
     }
 
     fn progress(&self, label: &str, done: f64) {
@@ -39,10 +42,10 @@ impl Show for Terminal {
 }
 
 /// Runs an experiment on scenes that are prepared as the options say.
-fn measure(source: &SceneArgs, experiment: impl FnOnce(Lab<'_>) -> Result<()>) -> Result<()> {
-    interrupt::watch();
+fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'_>) -> Result<()>) -> Result<()> {
+    scene::check(scenes)?;
     let show = Terminal { bar: progress::bar("", WHOLE as u64) };
-    let scenes = |scene: &str| -> Result<Prepared> { source.prepare(scene) };
+    let scenes = |scene: &Path| -> Result<Prepared> { source.prepare(scene) };
     experiment(Lab { scenes: &scenes, stop: interrupt::flag(), show: &show })
 }
 
@@ -60,7 +63,7 @@ pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
         quick: args.quick,
         out: args.out.clone(),
     };
-    measure(&args.source, |lab| figure1::run(lab, &options))
+    measure(&args.scenes, &args.source, |lab| figure1::run(lab, &options))
 }
 
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
@@ -75,7 +78,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
         json: args.json,
         out: args.out.clone(),
     };
-    measure(&args.source, |lab| bench::run(lab, &options))
+    measure(&args.scenes, &args.source, |lab| bench::run(lab, &options))
 }
 
 pub(crate) fn tradeoff(args: &TradeoffArgs) -> Result<()> {
@@ -99,7 +102,7 @@ fn trade(args: &TradeArgs, chosen: Option<Chosen>) -> Result<()> {
         quick: args.quick,
         out: args.out.clone(),
     };
-    measure(&args.source, |lab| tradeoff::run(lab, &options, chosen))
+    measure(&args.scenes, &args.source, |lab| tradeoff::run(lab, &options, chosen))
 }
 
 fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
@@ -114,5 +117,5 @@ fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
         out: args.out.clone(),
     };
     let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
-    measure(&source, |lab| tradeoff::run_precision(lab, &options))
+    measure(&args.scenes, &source, |lab| tradeoff::run_precision(lab, &options))
 }

@@ -1,8 +1,10 @@
 //! The parts of the raybalance command, as a library so that they can be tested.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod args;
 mod balance;
+mod exit;
 mod experiments;
 mod film;
 mod frame;
@@ -17,20 +19,39 @@ mod shade;
 mod trace;
 mod verify;
 
+use anyhow::{Context, Result};
 use args::{Cli, Command};
 use clap::Parser;
+use exit::Exit;
+use rt_report::print::{Stdout, StdoutError, note};
 use rt_report::{chart, html, output, report, table};
+use std::io::Write;
 use std::process::ExitCode;
 
-/// Exit code after Ctrl-C, as shells use it: 128 + SIGINT.
-const INTERRUPTED: u8 = 130;
-
-/// Runs the command line; the exit code is 0 on success, 1 on failure, 2 on wrong usage and 130 after Ctrl-C.
+/// Runs the command line; `--help` lists the exit codes.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    interrupt::watch();
+    let exit = match Cli::try_parse() {
+        Ok(cli) => end(run(cli)),
+        // Help that was asked for is an output like any other.
+        Err(help) if !help.use_stderr() => end(help.print().map_err(|error| StdoutError::wrap(error).into())),
+        Err(wrong) => {
+            let _ = wrong.print();
+            Exit::Usage
+        }
+    };
+    exit.into()
+}
+
+fn run(cli: Cli) -> Result<()> {
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
-    let result = match command {
+    if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
+        // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.
+        let threads = rayon::ThreadPoolBuilder::new().build_global();
+        threads.context("cannot start a thread for each core: allow more, or set RAYON_NUM_THREADS to fewer")?;
+    }
+    match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => experiments::figure1(&args),
@@ -39,13 +60,16 @@ pub fn main() -> ExitCode {
         Command::Bench(args) => experiments::bench(&args),
         Command::Devices(args) => list::devices(args.json),
         Command::Scenes(args) => list::scenes(args.json),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            // Causes on one line: the chain ends with what to do.
-            eprintln!("error: {error:#}");
-            if interrupt::requested() { ExitCode::from(INTERRUPTED) } else { ExitCode::FAILURE }
-        }
     }
+}
+
+/// Says what went wrong.
+fn end(result: Result<()>) -> Exit {
+    let Err(error) = result.and_then(|()| Ok(Stdout.flush()?)) else { return Exit::Success };
+    if StdoutError::of(&*error).is_some_and(StdoutError::is_closed) {
+        return Exit::ClosedPipe;
+    }
+    // Causes on one line: the chain ends with what to do.
+    note(format_args!("error: {error:#}"));
+    interrupt::exit().unwrap_or_else(|| Exit::of(&error))
 }

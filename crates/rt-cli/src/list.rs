@@ -6,9 +6,11 @@ use rt_balance::cpu::CpuDevice;
 use rt_balance::devices::{Api, CardOptions, Found};
 use rt_balance::vulkan::Card;
 use rt_core::Device;
+use rt_report::print::Stdout;
 use rt_scene::prepare::generate;
 use rt_scene::scenes;
 use serde_json::json;
+use std::io::Write;
 
 /// A device as `--devices` names it.
 struct Entry {
@@ -62,7 +64,7 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
                 "refused": entry.refused,
             })
         };
-        println!("{}", serde_json::to_string_pretty(&entries.iter().map(object).collect::<Vec<_>>())?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&entries.iter().map(object).collect::<Vec<_>>())?)?;
         return Ok(());
     }
     let mut table = Table::new(&["--devices", "name", "memory", "in flight", "largest buffer", "driver"]);
@@ -84,14 +86,15 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
         let binding = mebibytes(entry.card.map(|card| card.binding));
         table.row(vec![entry.spec, entry.name, memory, in_flight, binding, driver]);
     }
-    print!("{table}");
+    write!(Stdout, "{table}")?;
     for error in missing {
-        println!("\n  {error}");
+        writeln!(Stdout, "\n  {error}")?;
     }
-    println!(
+    writeln!(
+        Stdout,
         "\n  cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed; auto takes every \
          core\n  and every graphics card, software only when named."
-    );
+    )?;
     Ok(())
 }
 
@@ -124,14 +127,14 @@ pub(crate) fn scenes(as_json: bool) -> Result<()> {
     let entries = scenes::SCENES.map(|entry| (entry, triangles(entry.name)));
     if as_json {
         let object = |(entry, triangles): (scenes::SceneEntry, usize)| json!({ "name": entry.name, "triangles": triangles, "description": entry.description });
-        println!("{}", serde_json::to_string_pretty(&entries.map(object).to_vec())?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&entries.map(object).to_vec())?)?;
         return Ok(());
     }
     let mut table = Table::new(&["scene", "triangles", ""]);
     for (entry, triangles) in entries {
         table.row(vec![entry.name.to_owned(), grouped(triangles as u64), entry.description.to_owned()]);
     }
-    print!("{table}");
-    println!("\n  Any OBJ file can be given instead: raybalance render FILE.obj");
+    write!(Stdout, "{table}")?;
+    writeln!(Stdout, "\n  Any OBJ file can be given instead: raybalance render FILE.obj")?;
     Ok(())
 }

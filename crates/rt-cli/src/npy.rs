@@ -2,7 +2,7 @@
 //!
 //! The arrays are the in-memory layouts of [`Ray`], [`Hit`] and [`TestCounts`], row by row in C order, little-endian,
 //! moved as bits: no value passes through a float conversion on its way. Rays may also be `float64`, for origins with more
-//! digits than single precision holds: the scene's offset is subtracted before they are rounded.
+//! digits than single precision holds: the scene's offset is subtracted before they are rounded. They may be in Fortran order, as `np.save(rays.T)` writes them.
 //!
 //! | array  | type      | shape    | columns |
 //! |--------|-----------|----------|---------|
@@ -12,15 +12,17 @@
 //!
 //! A miss has `t = inf` and the id `0xffffffff`. Ids are bits because float32 holds whole numbers only up to 2²⁴.
 
+mod layout;
+
 use crate::output::write_atomically;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use npyz::{DType, NpyHeader, Order, WriteOptions, WriterBuilder};
+use layout::{Layout, Type};
+use npyz::{DType, NpyHeader, WriteOptions, WriterBuilder};
 use rt_core::{Hit, Ray, TestCounts};
 use std::fs::File;
-use std::io::{BufReader, Read};
-use std::ops::Range;
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 /// Longest header that is read, in bytes: NumPy's own limit (`max_header_size`). Ours are 118 bytes long.
@@ -34,26 +36,19 @@ const MAX_NESTING: usize = 4;
 const CHUNK: usize = 4096;
 
 const RAY_COLUMNS: u64 = 8;
+const COLUMNS: usize = RAY_COLUMNS as usize;
 
 /// Rays in a file whose header is read and found to be one of rays.
 #[derive(Debug)]
 pub struct RayFile<R> {
     input: R,
-    rows: u64,
-    type_of: Type,
+    layout: Layout,
     /// For messages.
     name: String,
 }
 
-/// How numbers are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Type {
-    Single,
-    Double,
-}
-
 impl RayFile<BufReader<File>> {
-    /// Opens a file of rays: an `N × 8` array of little-endian float32 or float64 in C order.
+    /// Opens a file of rays: an `N × 8` array of little-endian float32 or float64, in C or Fortran order.
     ///
     /// # Errors
     /// When the file cannot be read or is not such an array. The message names the file, what it holds and how to save what
@@ -70,9 +65,9 @@ impl<R: Read> RayFile<R> {
     /// # Errors
     /// As [`RayFile::open`].
     pub fn new(mut input: R, name: String) -> Result<Self> {
-        let layout = read_header(&mut input).and_then(|header| check_layout(&header));
-        let (rows, type_of) = layout.with_context(|| format!("cannot read rays from `{name}`"))?;
-        Ok(Self { input, rows, type_of, name })
+        let layout = read_header(&mut input).and_then(|header| Layout::of(&header));
+        let layout = layout.with_context(|| format!("cannot read rays from `{name}`"))?;
+        Ok(Self { input, layout, name })
     }
 
     /// Reads the rays, with `offset` subtracted from their origins in double precision before those are rounded.
@@ -80,96 +75,75 @@ impl<R: Read> RayFile<R> {
     /// # Errors
     /// When the file ends early.
     pub fn read(mut self, offset: DVec3) -> Result<Vec<Ray>> {
-        let rays = match self.type_of {
-            Type::Single => self.read_single(offset),
-            Type::Double => self.read_double(offset),
+        let rays = match self.layout.type_of {
+            Type::Single => self.read_numbers(|word: u32, column| single(u32::from_le(word), offset, column)),
+            Type::Double => {
+                self.read_numbers(|word: u64, column| double(f64::from_bits(u64::from_le(word)), offset, column))
+            }
         };
         rays.with_context(|| format!("cannot read rays from `{}`", self.name))
     }
 
-    fn read_single(&mut self, offset: DVec3) -> Result<Vec<Ray>> {
+    /// Reads number after number; `to_single` gets each with its column and returns the bits that a ray has there.
+    fn read_numbers<W: Pod>(&mut self, to_single: impl Fn(W, usize) -> u32) -> Result<Vec<Ray>> {
+        let Layout { rows, by_columns, .. } = self.layout;
         let mut rays: Vec<Ray> = Vec::new();
-        while let Some(rows) = self.next_rows(rays.len()) {
+        // So many numbers follow each other in a row, or in a column.
+        let run = if by_columns { rows as usize } else { COLUMNS };
+        let numbers = rows as usize * COLUMNS;
+        let mut words = vec![W::zeroed(); numbers.clamp(1, CHUNK * COLUMNS)];
+        for start in (0..numbers).step_by(words.len()) {
+            let chunk = &mut words[..(numbers - start).min(CHUNK * COLUMNS)];
+            let end = start + chunk.len();
+            let context = || format!("its header promises {rows} rays, but the data end among numbers {start}..{end}");
+            self.input.read_exact(bytemuck::cast_slice_mut(chunk)).with_context(context)?;
             // Grown as data arrives: a header that promises too much costs no memory.
-            rays.resize(rows.end, Ray::zeroed());
-            let chunk = &mut rays[rows.clone()];
-            let words: &mut [u32] = bytemuck::cast_slice_mut(chunk);
-            self.read_words(bytemuck::cast_slice_mut(words), rows)?;
-            words.iter_mut().for_each(|word| *word = u32::from_le(*word));
-            if offset != DVec3::ZERO {
-                chunk.iter_mut().for_each(|ray| ray.origin = (ray.origin.as_dvec3() - offset).as_vec3());
+            let known = if by_columns { end.min(rows as usize) } else { end / COLUMNS };
+            rays.resize(known.max(rays.len()), Ray::zeroed());
+            let columns: &mut [[u32; COLUMNS]] = bytemuck::cast_slice_mut(&mut rays);
+            let (mut outer, mut inner) = (start / run, start % run);
+            for &word in &*chunk {
+                let (row, column) = if by_columns { (inner, outer) } else { (outer, inner) };
+                columns[row][column] = to_single(word, column);
+                inner += 1;
+                if inner == run {
+                    (outer, inner) = (outer + 1, 0);
+                }
             }
         }
         Ok(rays)
     }
+}
 
-    fn read_double(&mut self, offset: DVec3) -> Result<Vec<Ray>> {
-        let mut rays: Vec<Ray> = Vec::new();
-        let mut words = vec![[0_u64; RAY_COLUMNS as usize]; CHUNK];
-        while let Some(rows) = self.next_rows(rays.len()) {
-            let chunk = &mut words[..rows.len()];
-            self.read_words(bytemuck::cast_slice_mut(chunk), rows)?;
-            rays.extend(chunk.iter().map(|row| {
-                let [x, y, z, tmin, dx, dy, dz, tmax] = row.map(|word| f64::from_bits(u64::from_le(word)));
-                let origin = (DVec3::new(x, y, z) - offset).as_vec3();
-                Ray::new(origin, DVec3::new(dx, dy, dz).as_vec3()).with_range(tmin as f32, tmax as f32)
-            }));
-        }
-        Ok(rays)
-    }
-
-    /// The rows to read after so many; `None` after the last.
-    fn next_rows(&self, done: usize) -> Option<Range<usize>> {
-        let end = self.rows.min((done + CHUNK) as u64) as usize;
-        (done < end).then_some(done..end)
-    }
-
-    fn read_words(&mut self, bytes: &mut [u8], Range { start, end }: Range<usize>) -> Result<()> {
-        let context = || format!("its header promises {} rays, but the data end among rays {start}..{end}", self.rows);
-        self.input.read_exact(bytes).with_context(context)
+/// The bits of a number in a ray: those of the file, but that origins are relative to the scene's offset.
+fn single(bits: u32, offset: DVec3, column: usize) -> u32 {
+    match offset.to_array().get(column) {
+        Some(&offset) if offset != 0.0 => ((f64::from(f32::from_bits(bits)) - offset) as f32).to_bits(),
+        _ => bits,
     }
 }
 
-/// Number of rows of an array that holds rays, and the type of its numbers.
-fn check_layout(header: &NpyHeader) -> Result<(u64, Type)> {
-    let dtype = header.dtype().descr();
-    let shape = header.shape();
-    let order = match header.order() {
-        Order::C => "C",
-        Order::Fortran => "Fortran",
-    };
-    let type_of = match dtype.as_str() {
-        "'<f4'" => Some(Type::Single),
-        "'<f8'" => Some(Type::Double),
-        _ => None,
-    };
-    let advice = if type_of.is_none() {
-        "convert it with `rays.astype('<f4')`"
-    } else if !matches!(shape, [_, RAY_COLUMNS]) {
-        "one row is origin x y z, tmin, direction x y z, tmax; see `rays.reshape(-1, 8)`"
-    } else if header.order() != Order::C {
-        "save `np.ascontiguousarray(rays)`"
-    } else {
-        let rows = shape[0];
-        ensure!(rows <= u64::from(u32::MAX), "{rows} rays are more than {}: split the file", u32::MAX);
-        return Ok((rows, type_of.unwrap_or(Type::Single)));
-    };
-    bail!(
-        "found {dtype} of shape {shape:?} in {order} order, wanted little-endian float32 or float64 ('<f4', '<f8') of shape [N, 8] in C \
-         order: {advice}"
-    )
+/// The same of one in double precision, which is rounded last.
+fn double(number: f64, offset: DVec3, column: usize) -> u32 {
+    ((number - offset.to_array().get(column).unwrap_or(&0.0)) as f32).to_bits()
 }
 
 /// Reads the header and leaves `input` at the data.
 fn read_header(input: &mut impl Read) -> Result<NpyHeader> {
     const NO_NPY: &str = "this is no .npy file: write it with `np.save`";
+    // A file that is too short is none either; one that cannot be read may be.
+    let ended = |error: io::Error| match error.kind() {
+        io::ErrorKind::UnexpectedEof => anyhow!(NO_NPY),
+        _ => error.into(),
+    };
     let mut bytes = vec![0; 10];
-    input.read_exact(&mut bytes).context(NO_NPY)?;
+    input.read_exact(&mut bytes).map_err(ended)?;
+    ensure!(!bytes.starts_with(b"PK"), "this is an archive (.npz): save the one array with `np.save`");
     ensure!(bytes.starts_with(b"\x93NUMPY"), NO_NPY);
     // Version 1 has a length of 16 bits, later ones of 32.
     if bytes[6] >= 2 {
         bytes.resize(12, 0);
-        input.read_exact(&mut bytes[10..]).context(NO_NPY)?;
+        input.read_exact(&mut bytes[10..]).map_err(ended)?;
     }
     let start = bytes.len();
     let length = bytes[8..].iter().rev().fold(0, |length, &byte| length << 8 | usize::from(byte));

@@ -4,30 +4,43 @@ use crate::args::RenderArgs;
 use crate::film::Film;
 use crate::frame::{BYTES_PER_RAY, Part, Renderer, Session, TaskCut};
 use crate::memory::{self, Room};
+use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::shade::Light;
-use crate::{chart, html, interrupt, output, table};
-use anyhow::{Context, Result, bail};
+use crate::{chart, html, interrupt, output, scene, table};
+use anyhow::{Context, Result};
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
 use rt_core::{Scene, StreamKind};
 use rt_report::chart::cost::CostMap;
+use rt_report::command_words;
+use rt_report::print::Stdout;
+use rt_report::usage::OrUsage;
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Wave, Waves};
 use rt_scene::{View, view};
+use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
+
+/// What is written beside pictures.
+const FILES: [&str; 5] = ["cost.png", "timeline.svg", "trace.json", "report.json", "report.html"];
 
 /// The orbit's angle between two frames: a slow turn, so that the previous frame says much about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
-    interrupt::watch();
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
+    let scene = args.scene.as_deref().unwrap_or(Path::new("yard"));
+    let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
+    let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
+    scene::check([scene])?;
+    outputs.scenes([scene]).check()?;
     let waves = cut(args, Room::now())?;
-    let prepared = args.source.prepare(args.scene.as_deref().unwrap_or("yard"))?;
+    let prepared = args.source.prepare(scene)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
@@ -74,9 +87,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         film.write_png(&args.out.join(picture_name(frame, args)))?;
         seconds.write += begin.elapsed().as_secs_f64();
     }
-    if interrupt::requested() {
-        bail!("interrupted");
-    }
+    interrupt::check()?;
     let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
     drop(film);
@@ -86,7 +97,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let report = Report {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -107,9 +118,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     };
     rendered.write(&args.out.join("report.html"))?;
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print(&report, &runs, args);
+        print(&report, &runs, args)?;
     }
     Ok(())
 }
@@ -123,7 +134,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().context("--eye, --target, --up, --fov")?;
+    view.camera().context("--eye, --target, --up, --fov").or_usage()?;
     Ok(view)
 }
 
@@ -211,20 +222,21 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
     }
 }
 
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) {
+fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     let scene = &report.scene;
-    println!(
+    writeln!(
+        Stdout,
         "{}: {} triangles, tree of {:.1} MB by {}, {} precision",
         scene.source,
         table::grouped(scene.triangles as u64),
         scene.bvh_bytes as f64 / 1e6,
         scene.builder,
         scene.precision
-    );
+    )?;
     for reason in &scene.plan.reasons {
-        println!("  {reason}");
+        writeln!(Stdout, "  {reason}")?;
     }
-    println!("\n{}", table::streams(runs));
+    writeln!(Stdout, "\n{}", table::streams(runs))?;
     let s = &report.seconds;
     let parts = [
         ("load", s.load),
@@ -241,6 +253,8 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) {
         .filter(|(name, s)| *name != "reference" || *s > 0.0)
         .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
         .collect();
-    println!("  wall: {}", wall.join(", "));
-    println!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
+    writeln!(Stdout, "  wall: {}", wall.join(", "))?;
+    let out = args.out.display();
+    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
+    Ok(())
 }

@@ -6,10 +6,13 @@ use anyhow::{Result, anyhow};
 use indicatif::ProgressBar;
 use rt_bvh::InvalidTriangles;
 use rt_core::Precision;
+use rt_report::print::note;
+use rt_report::usage::usage;
 use rt_scene::Model;
 use rt_scene::obj::{Fault, LoadError, LoadProgress, LoadStage, Watch};
 use rt_scene::prepare::{self, Options, PrepareError, Prepared};
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// A bar appears when loading takes longer than this.
@@ -23,22 +26,34 @@ impl SceneArgs {
     }
 
     /// Loads or generates the scene, scans it and builds its tree.
-    pub(crate) fn prepare(&self, scene: &str) -> Result<Prepared> {
-        let prepared = with_bar(|show| prepare::prepare(scene, &self.options(), show))?;
+    pub(crate) fn prepare(&self, scene: &Path) -> Result<Prepared> {
+        let prepared =
+            with_bar(|show| prepare::prepare(scene, &self.options(), show)).map_err(|error| match error {
+                // The library does not know the option's name.
+                PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }) => {
+                    anyhow!("{error} (--drop-invalid)")
+                }
+                error => explained(error),
+            })?;
         tell(&prepared.warnings, &prepared.notes);
         Ok(prepared)
     }
 }
 
+/// Whether all scenes are there, before any of them is worked on.
+pub(crate) fn check<S: AsRef<Path>>(scenes: impl IntoIterator<Item = S>) -> Result<()> {
+    scenes.into_iter().try_for_each(|scene| prepare::check(scene.as_ref()).map_err(explained))
+}
+
 /// Generates or loads a scene, whose triangles must be finite.
-pub(crate) fn load(scene: &str) -> Result<Model> {
-    let named = with_bar(|show| prepare::load(scene, InvalidTriangles::Refuse, show))?;
+pub(crate) fn load(scene: &Path) -> Result<Model> {
+    let named = with_bar(|show| prepare::load(scene, InvalidTriangles::Refuse, show)).map_err(explained)?;
     tell(&named.warnings, &named.notes);
     Ok(named.model)
 }
 
 /// Shows how far a scene is loaded, if that takes long, and stops when the user asks for it.
-fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T> {
+fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T, PrepareError> {
     let start = Instant::now();
     let mut bar: Option<(LoadStage, ProgressBar)> = None;
     let mut watch = |at: LoadProgress| {
@@ -56,12 +71,15 @@ fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> 
     if let Some((_, bar)) = bar {
         bar.finish_and_clear();
     }
-    loaded.map_err(|error| {
-        // The library does not know the option's name.
-        let defect = matches!(&error, PrepareError::Load(LoadError { fault: Fault::Defect { .. }, .. }));
-        let error = anyhow::Error::from(error);
-        if defect { anyhow!("{error} (--drop-invalid)") } else { error }
-    })
+    loaded
+}
+
+/// What the command line knows better.
+fn explained(error: PrepareError) -> anyhow::Error {
+    match error {
+        PrepareError::Unknown { .. } => usage(error.to_string()),
+        error => error.into(),
+    }
 }
 
 const fn label(stage: LoadStage) -> &'static str {
@@ -75,9 +93,9 @@ const fn label(stage: LoadStage) -> &'static str {
 
 fn tell(warnings: &[String], notes: &[String]) {
     for warning in warnings {
-        eprintln!("warning: {warning}");
+        note(format_args!("warning: {warning}"));
     }
-    for note in notes {
-        eprintln!("note: {note}");
+    for text in notes {
+        note(format_args!("note: {text}"));
     }
 }

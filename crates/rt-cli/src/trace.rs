@@ -1,18 +1,27 @@
 //! `raybalance trace`: rays from a NumPy file, hits to another.
 
 use crate::args::TraceArgs;
+use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::{interrupt, npy, progress, render, table};
+use crate::{interrupt, npy, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
+use rt_report::command_words;
+use rt_report::print::Stdout;
+use std::io::Write;
 use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
-    interrupt::watch();
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
+    let mut outputs = Outputs::new().file("--hits", &args.hits).scenes([&args.scene]).input("the rays", &args.rays);
+    if let Some(counts) = &args.counts {
+        outputs = outputs.file("--counts", counts);
+    }
+    scene::check([&args.scene])?;
+    outputs.check()?;
     let rays = npy::RayFile::open(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
     let rays = rays.read(prepared.model.offset)?;
@@ -21,7 +30,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
-    let spec = StreamSpec { query, precision: prepared.precision, counts: args.counts.is_some() };
+    let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
     let count = u32::try_from(rays.len()).with_context(|| format!("{}: more than 2^32 rays", args.rays.display()))?;
     let stream = Stream {
         seed: args.balance.seed,
@@ -55,18 +64,18 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
         let report = Report {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args().skip(1).collect(),
+            command: command_words(),
             scene: render::scene_report(&prepared, &scene),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
             streams: vec![run.report],
             seconds,
         };
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print!("{}", table::streams(&[run]));
+        write!(Stdout, "{}", table::streams(&[run]))?;
         let met = hits.iter().filter(|hit| hit.is_hit()).count();
-        println!("\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()));
+        writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;
     }
     Ok(())
 }

@@ -4,8 +4,12 @@ use crate::args::{CardArgs, VerifyArgs};
 use crate::table::{Table, grouped, seconds};
 use crate::{interrupt, progress, scene};
 use anyhow::{Result, bail};
+use rt_report::command_words;
+use rt_report::print::Stdout;
 use rt_verify::{DeviceReport, Extent, Options, Promise, Row, Subject, Suite, Verdict, Watch};
 use serde::Serialize;
+use std::io::Write;
+use std::path::PathBuf;
 use std::time::Instant;
 
 /// Scenes that are tried where none are named.
@@ -23,7 +27,7 @@ struct Report<'a> {
     extent: &'static str,
     seed: u32,
     builder: String,
-    scenes: &'a [String],
+    scenes: Vec<String>,
     promises: Vec<(u8, &'static str)>,
     devices: &'a [DeviceReport],
     seconds: f64,
@@ -33,9 +37,9 @@ struct Report<'a> {
 const SCHEMA: u32 = 1;
 
 pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
-    interrupt::watch();
     let begin = Instant::now();
-    let names = if args.scenes.is_empty() { SCENES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
+    let names = if args.scenes.is_empty() { SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
+    scene::check(&names)?;
     let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
     let devices = CardArgs::default().open(Some(&args.backend))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };
@@ -59,21 +63,21 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
         let report = Report {
             schema: SCHEMA,
             version: env!("CARGO_PKG_VERSION"),
-            command: std::env::args().skip(1).collect(),
+            command: command_words(),
             extent: extent.name(),
             seed: args.seed,
             builder: args.builder.to_string(),
-            scenes: &names,
+            scenes: names.iter().map(|name| name.display().to_string()).collect(),
             promises: Promise::ALL.map(|promise| (promise.number(), promise.text())).to_vec(),
             devices: &reports,
             seconds: total,
         };
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         for report in &reports {
-            print(report);
+            print(report)?;
         }
-        println!("\n  {} in all, seed {}", seconds(total), args.seed);
+        writeln!(Stdout, "\n  {} in all, seed {}", seconds(total), args.seed)?;
     }
     let failed: usize = reports.iter().map(|report| report.count(Verdict::Fail)).sum();
     if failed > 0 {
@@ -82,8 +86,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     Ok(())
 }
 
-fn print(report: &DeviceReport) {
-    println!("{} ({}), precision {}\n", report.device, report.backend, report.precision);
+fn print(report: &DeviceReport) -> Result<()> {
+    writeln!(Stdout, "{} ({}), precision {}\n", report.device, report.backend, report.precision)?;
     let mut table = Table::new(&["case", "what", "promise", "tried", "failed", "ppm", "95% bounds", "verdict"]);
     for row in &report.rows {
         table.row(vec![
@@ -97,9 +101,9 @@ fn print(report: &DeviceReport) {
             verdict(row),
         ]);
     }
-    println!("{table}");
+    writeln!(Stdout, "{table}")?;
     for row in report.rows.iter().filter(|row| row.verdict == Verdict::Fail) {
-        println!("  FAIL {}, {}: {}", row.case, row.what, row.note);
+        writeln!(Stdout, "  FAIL {}, {}: {}", row.case, row.what, row.note)?;
     }
     for promise in Promise::ALL {
         let rows: Vec<&Row> = report.rows.iter().filter(|row| row.promise == promise).collect();
@@ -110,10 +114,11 @@ fn print(report: &DeviceReport) {
             () if trials > 0 => format!("kept in {} trials", grouped(trials)),
             () => elsewhere(promise).to_owned(),
         };
-        println!("  promise {promise:>2}, {}: {state}", promise.text());
+        writeln!(Stdout, "  promise {promise:>2}, {}: {state}", promise.text())?;
     }
     let [passed, failed, skipped] = [Verdict::Pass, Verdict::Fail, Verdict::Skipped].map(|v| report.count(v));
-    println!("\n  {passed} passed, {failed} failed, {skipped} skipped");
+    writeln!(Stdout, "\n  {passed} passed, {failed} failed, {skipped} skipped")?;
+    Ok(())
 }
 
 /// Who measures what this suite does not.

@@ -30,20 +30,20 @@ fn down(x: f64, y: f64, z: f64) -> [f64; 8] {
 
 /// Traces rays through a scene in `folder` on one core.
 fn trace(folder: &Path, scene: &str, rays: &[u8], more: &[&str]) -> Output {
-    fs::write(folder.join("scene.obj"), scene).unwrap();
-    fs::write(folder.join("rays.npy"), rays).unwrap();
+    fs::write(folder.join("scene.obj"), scene).expect("the folder can be written");
+    fs::write(folder.join("rays.npy"), rays).expect("the folder can be written");
     Command::new(env!("CARGO_BIN_EXE_raybalance"))
         .current_dir(folder)
         .args(["trace", "scene.obj", "--rays", "rays.npy", "--hits", "hits.npy", "--devices", "cpu:1"])
         .args(more)
         .output()
-        .unwrap()
+        .expect("the program starts")
 }
 
 /// t and the primitive id of each hit.
 fn hits(folder: &Path) -> Vec<(f32, u32)> {
-    let file = fs::read(folder.join("hits.npy")).unwrap();
-    let word = |row: &[u8], i: usize| u32::from_le_bytes(row[4 * i..4 * i + 4].try_into().unwrap());
+    let file = fs::read(folder.join("hits.npy")).expect("hits are written");
+    let word = |row: &[u8], i: usize| u32::from_le_bytes(row[4 * i..4 * i + 4].try_into().expect("four bytes"));
     file[128..].chunks_exact(16).map(|row| (f32::from_bits(word(row, 0)), word(row, 3))).collect()
 }
 
@@ -86,13 +86,15 @@ fn roof(x: f64, y: f64) -> String {
     for j in 0..41 {
         for i in 0..41 {
             let height = 0.01 * f64::from((i * 7 + j * 3) % 10);
-            writeln!(text, "v {:.3} {:.3} {height:.3}", x + 0.05 * f64::from(i), y + 0.05 * f64::from(j)).unwrap();
+            writeln!(text, "v {:.3} {:.3} {height:.3}", x + 0.05 * f64::from(i), y + 0.05 * f64::from(j))
+                .expect("writing to a string cannot fail");
         }
     }
     for j in 0..40 {
         for i in 0..40 {
             let first = 41 * j + i + 1;
-            writeln!(text, "f {first} {} {} {}", first + 1, first + 42, first + 41).unwrap();
+            writeln!(text, "f {first} {} {} {}", first + 1, first + 42, first + 41)
+                .expect("writing to a string cannot fail");
         }
     }
     text
@@ -182,7 +184,7 @@ fn memory_that_is_refused_while_loading_is_an_error() {
         .arg("ulimit -v 180000 && exec \"$0\" \"$@\"")
         .arg(env!("CARGO_BIN_EXE_raybalance"))
         .current_dir(&folder)
-        .args(["render", "large.obj", "--devices", "cpu:1"])
+        .args(["render", "large.obj", "--size", "64x64", "--spp", "1", "--devices", "cpu:1"])
         .output()
         .unwrap();
     let message = String::from_utf8_lossy(&run.stderr);

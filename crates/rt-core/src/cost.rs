@@ -1,7 +1,8 @@
 //! What tracing costs: device-independent work, a device's own seconds, and the estimator's seam.
 
-use crate::{RaySource, Task, TaskId, TestCounts, Walk};
+use crate::{Coherence, RaySource, Task, TaskId, TestCounts, Walk};
 use alloc::vec::Vec;
+use core::any::TypeId;
 use core::fmt::{self, Debug};
 
 /// Expected work of one task on one tree layout: how many rays, box tests and triangle tests, and how unlike
@@ -214,7 +215,7 @@ pub enum StreamKind {
 }
 
 impl StreamKind {
-    /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well.
+    /// Whether neighbouring rays take similar paths where nobody says otherwise.
     #[must_use]
     pub const fn is_coherent(&self) -> bool {
         matches!(self, Self::Primary)
@@ -237,6 +238,8 @@ impl fmt::Display for StreamKind {
 pub struct RayStream<'a> {
     /// What made the rays.
     pub kind: StreamKind,
+    /// What the caller knows of rays that follow each other.
+    pub coherence: Coherence,
     /// The tasks; they cover the stream's rays in order.
     pub tasks: &'a [Task],
     /// Seed of this stream's samples.
@@ -254,6 +257,17 @@ pub struct RayStream<'a> {
 }
 
 impl RayStream<'_> {
+    /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well: as the caller says, or
+    /// as the kind does.
+    #[must_use]
+    pub const fn is_coherent(&self) -> bool {
+        match self.coherence {
+            Coherence::Unknown => self.kind.is_coherent(),
+            Coherence::Coherent => true,
+            Coherence::Incoherent => false,
+        }
+    }
+
     /// Number of rays in all tasks.
     #[must_use]
     pub fn rays(&self) -> u32 {
@@ -352,11 +366,29 @@ impl StreamRecord<'_> {
     }
 }
 
+/// What tells the counts of one estimator from another's: prices fitted to some mean nothing for others.
+///
+/// Estimators of one type that count otherwise, such as by another walk, tell themselves apart by `variant`. Names are for
+/// people: two estimators may have the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct CountsToken {
+    kind: TypeId,
+    variant: u32,
+}
+
+impl CountsToken {
+    /// The counts of this variant of estimators of type `E`.
+    #[must_use]
+    pub fn of<E: ?Sized + 'static>(variant: u32) -> Self {
+        Self { kind: TypeId::of::<E>(), variant }
+    }
+}
+
 /// Estimates the work of each task of a stream.
 ///
 /// An estimator does no I/O: it names rays, the driver walks them on all devices in parallel, and the estimator reads
 /// the counts. So it is pure, testable without a device, and the same on one machine or many.
-pub trait CostEstimator: Debug + Send {
+pub trait CostEstimator: Debug + Send + 'static {
     /// Short name for reports, such as `"exact"`.
     fn name(&self) -> &'static str;
 
@@ -364,6 +396,12 @@ pub trait CostEstimator: Debug + Send {
     /// several.
     fn chosen(&self) -> &'static str {
         self.name()
+    }
+
+    /// What its counts have in common: streams of one token and kind teach and use the same prices. One for each type, unless
+    /// it says otherwise; who wraps an estimator passes on the wrapped one's.
+    fn counts(&self) -> CountsToken {
+        CountsToken::of::<Self>(0)
     }
 
     /// How it will have samples walked, so that devices can get ready; `None` if it asks for none.

@@ -1,6 +1,6 @@
 //! The seams of a backend: [`Device`] and [`Tracer`].
 
-use crate::{BounceRays, CameraRays, Hit, Precision, Query, Ray, RayMask, Scene, Task, TestCounts, Walk};
+use crate::{BounceRays, CameraRays, DeviceInfo, Hit, Precision, Query, Ray, RayMask, Scene, Task, TestCounts, Walk};
 use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::sync::Arc;
@@ -109,21 +109,6 @@ impl Traffic {
     }
 }
 
-/// What a device is, for people and for the driver.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DeviceInfo {
-    /// The device's own name, such as a processor's or graphics card's.
-    pub name: String,
-    /// The backend that drives it: `"cpu"`, `"wgpu"`, `"vulkan"`.
-    pub backend: &'static str,
-    /// Hardware threads used, or compute units; 1 where unknown.
-    pub units: u32,
-    /// How many launches may be in flight, at least 1: with 2, the device never waits for the host between launches.
-    pub in_flight: u32,
-    /// Bytes of memory a scene may use, where known.
-    pub memory: Option<u64>,
-}
-
 /// Where a stream's rays come from.
 #[derive(Clone, Debug)]
 pub enum RaySource {
@@ -180,6 +165,28 @@ pub struct StreamSpec {
     pub precision: Precision,
     /// Whether launches return exact counts beside the hits.
     pub counts: bool,
+    /// What the caller knows of rays that follow each other. It changes no hit.
+    pub coherence: Coherence,
+}
+
+/// Whether rays that follow each other in a stream take similar paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Coherence {
+    /// Not known: taken from what made the rays, where that says it.
+    #[default]
+    Unknown,
+    /// They do: neighbours of a picture, rays sorted by where they start and where they go.
+    Coherent,
+    /// They do not.
+    Incoherent,
+}
+
+impl StreamSpec {
+    /// What is asked of each ray, of which nothing else is known.
+    #[must_use]
+    pub const fn new(query: Query, precision: Precision, counts: bool) -> Self {
+        Self { query, precision, counts, coherence: Coherence::Unknown }
+    }
 }
 
 /// A launch in flight.

@@ -20,6 +20,7 @@ mod camera;
 mod cost;
 mod device;
 mod expansion;
+mod info;
 pub mod intersect;
 pub mod morton;
 pub mod random;
@@ -31,12 +32,14 @@ mod task;
 pub use bounce::BounceRays;
 pub use camera::{Camera, CameraError, CameraRays, Raster};
 pub use cost::{
-    CostEstimator, CostModel, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, TaskOutcome, Work,
+    CostEstimator, CostModel, CountsToken, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord,
+    TaskOutcome, Work,
 };
 pub use device::{
-    Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
+    Clock, Coherence, Device, DeviceError, DeviceErrorKind, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
     Traffic,
 };
+pub use info::{Capabilities, Counted, DeviceInfo};
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
 pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, SCALE_EXPONENTS, Scene, SceneError, SceneParts};
 pub use task::{RayMask, Task, TaskId, tasks_of};

@@ -1,7 +1,7 @@
 //! What backends keep of an opened card, and how they make a tracer of a scene.
 
 use crate::{Board, Card, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Tuning};
-use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, Scene, Tracer};
+use rt_core::{Capabilities, Clock, Counted, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Scene, Tracer};
 use std::sync::Arc;
 
 /// What a backend keeps of an opened card, beside what its API needs.
@@ -24,14 +24,15 @@ impl Profile {
     /// [`Layouts::USUAL`].
     #[must_use]
     pub fn new(backend: &'static str, memory: Option<u64>, card: Card, layouts: Option<Layouts>) -> Self {
-        let info = DeviceInfo {
-            name: card.name.clone(),
-            backend,
-            // Neither API tells.
-            units: 1,
-            in_flight: IN_FLIGHT,
-            memory,
-        };
+        let capabilities = Capabilities::UNKNOWN
+            .with_reduced_walks(&[ReducedWalk::LeafAsHit, ReducedWalk::Unshortened])
+            .with_counts(Counted::SceneTree)
+            .making_rays();
+        // Neither API tells the number of units.
+        let info = DeviceInfo::new(card.name.clone(), backend)
+            .with_in_flight(IN_FLIGHT)
+            .with_memory(memory)
+            .with_capabilities(capabilities);
         let layouts = layouts.unwrap_or(Layouts::USUAL);
         Self { card, info, layouts, tuning: Tuning::default(), tally: Arc::default() }
     }

@@ -89,7 +89,7 @@ impl Contender {
     #[must_use]
     pub fn scheduling(&self, asked: &Estimator) -> Scheduling {
         let (estimator, policy) = (self.estimator(asked), self.policy());
-        Scheduling { estimator, policy, queue: self.queue, ..Scheduling::default() }
+        Scheduling { estimator, policy, queue: Box::new(self.queue), ..Scheduling::default() }
     }
 }
 

@@ -6,13 +6,18 @@ use rt_balance::devices::Opener;
 use rt_core::Device;
 use rt_scene::prepare::Prepared;
 use std::fmt;
+use std::io;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Where an experiment shows what it does.
 pub trait Show {
     /// Results, for standard output.
-    fn print(&self, text: &str);
+    ///
+    /// # Errors
+    /// When they cannot be written. Nothing more is measured then, so what is kept in files comes first.
+    fn print(&self, text: &str) -> io::Result<()>;
 
     /// What the user should know before the results are there.
     fn note(&self, text: &str);
@@ -28,7 +33,7 @@ pub trait Show {
 #[derive(Clone, Copy)]
 pub struct Lab<'a> {
     /// Loads or generates a scene and builds its tree.
-    pub scenes: &'a dyn Fn(&str) -> Result<Prepared>,
+    pub scenes: &'a dyn Fn(&Path) -> Result<Prepared>,
     /// Set (from any thread) to stop soon.
     pub stop: &'a AtomicBool,
     /// Shows progress and results.

@@ -2,6 +2,7 @@
 
 use crate::Show;
 use std::cell::Cell;
+use std::io;
 use std::time::{Duration, Instant};
 
 /// A stretch of the time and of the bar: all of both, or what one trade, scene or stream gets of them.
@@ -89,8 +90,8 @@ impl<'a> Stretch<'a> {
     }
 
     /// Prints without breaking the bar.
-    pub(crate) fn print(&self, text: &str) {
-        self.show.print(text);
+    pub(crate) fn print(&self, text: &str) -> io::Result<()> {
+        self.show.print(text)
     }
 }
 
@@ -103,7 +104,9 @@ mod tests {
     struct Bar(Cell<f64>);
 
     impl Show for Bar {
-        fn print(&self, _: &str) {}
+        fn print(&self, _: &str) -> io::Result<()> {
+            Ok(())
+        }
 
         fn note(&self, _: &str) {}
 

@@ -8,6 +8,7 @@ use rt_core::{Device, Hit, Scene, Span};
 use rt_scene::Model;
 use rt_scene::prepare::{Options, Prepared};
 use rt_scene::streams::{PathStream, Wave};
+use std::path::Path;
 use std::sync::Arc;
 
 /// A scene on devices, ready for repeated measurements.
@@ -21,7 +22,7 @@ pub(crate) struct Subject<'a> {
 
 impl<'a> Subject<'a> {
     /// Loads the scene and brings it to the devices.
-    pub(crate) fn open(lab: Lab<'a>, scene: &str, devices: &[Arc<dyn Device>]) -> Result<Self> {
+    pub(crate) fn open(lab: Lab<'a>, scene: &Path, devices: &[Arc<dyn Device>]) -> Result<Self> {
         let prepared = (lab.scenes)(scene)?;
         let scene = Arc::clone(&prepared.built.scene);
         let balancer = Balancer::open(scene, devices, &Limits::default(), lab.control())?;

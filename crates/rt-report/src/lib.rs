@@ -3,13 +3,16 @@
 //! Nothing here measures or decides: it is handed [`StreamRun`](rt_balance::report::StreamRun)s and numbers, and writes
 //! files that are there in full or not at all ([`output`]).
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod chart;
 pub mod html;
 pub mod image;
 mod machine;
 pub mod output;
+pub mod print;
 pub mod report;
 pub mod table;
+pub mod usage;
 
-pub use machine::{Machine, command_line};
+pub use machine::{Machine, command_line, command_words};

@@ -49,10 +49,16 @@ impl fmt::Display for Machine {
     }
 }
 
+/// The words of the command line after the program's name; where they are no text, as near to it as can be shown.
+#[must_use]
+pub fn command_words() -> Vec<String> {
+    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
+}
+
 /// The command line as one would type it.
 #[must_use]
 pub fn command_line() -> String {
-    let words = std::env::args().skip(1).map(|word| {
+    let words = command_words().into_iter().map(|word| {
         let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
         if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
     });

@@ -9,6 +9,7 @@ use rt_core::bounce::Surfaces;
 use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
 use std::error::Error;
 use std::fmt;
+use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
@@ -99,7 +100,7 @@ impl Prepared {
 ///
 /// # Errors
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
-pub fn prepare(scene: &str, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
+pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
     let Named { name, model, warnings, notes } = load(scene, options.invalid, watch)?;
     let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
@@ -114,7 +115,7 @@ pub fn prepare(scene: &str, options: &Options, watch: &mut Watch<'_>) -> Result<
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);
-    let listed = view::listed(Path::new(scene), &model);
+    let listed = view::listed(scene, &model);
     Ok(Prepared { name, model, built, plan, precision, listed, options: *options, warnings, notes, load_s, build_s })
 }
 
@@ -141,21 +142,40 @@ pub fn generate(name: &str) -> Option<Model> {
     }
 }
 
+/// What tables call a scene: the built-in scene's name, or the file's without folder and ending.
+#[must_use]
+pub fn short_name(scene: &Path) -> String {
+    scene.file_stem().unwrap_or(scene.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// Whether a scene is built in or its file is there; so much can be said before any of several scenes is worked on.
+///
+/// # Errors
+/// When there is no such scene.
+pub fn check(scene: &Path) -> Result<(), PrepareError> {
+    if scene.to_str().is_some_and(|name| scenes::find(name).is_some()) {
+        return Ok(());
+    }
+    let name = || scene.display().to_string();
+    match fs::metadata(scene) {
+        Ok(_) => Ok(()),
+        Err(_) if scene.extension().is_none() => Err(PrepareError::Unknown { scene: name() }),
+        Err(error) => Err(PrepareError::Load(LoadError { file: name(), fault: Fault::Read(error) })),
+    }
+}
+
 /// Generates or loads a scene; `watch` is told how far a file is loaded.
 ///
 /// # Errors
 /// When there is no such scene, or its file cannot be loaded, or `watch` breaks.
-pub fn load(scene: &str, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> Result<Named, PrepareError> {
-    let path = Path::new(scene);
-    let name = path.file_stem().map_or_else(|| scene.to_owned(), |stem| stem.to_string_lossy().into_owned());
-    if let Some(model) = generate(scene) {
+pub fn load(scene: &Path, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> Result<Named, PrepareError> {
+    let name = short_name(scene);
+    if let Some(model) = scene.to_str().and_then(generate) {
         return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new() });
     }
-    if !path.exists() && path.extension().is_none() {
-        return Err(PrepareError::Unknown { scene: scene.to_owned() });
-    }
+    check(scene)?;
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
-    let Loaded { model, warnings, notes, .. } = load_obj(path, &options, watch).map_err(PrepareError::Load)?;
+    let Loaded { model, warnings, notes, .. } = load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
     Ok(Named { name, model, warnings, notes })
 }
 
@@ -208,7 +228,7 @@ mod tests {
     use crate::progress::unwatched;
 
     fn prepared(scene: &str) -> Result<Prepared, PrepareError> {
-        prepare(scene, &Options::new(Builder::Sah), &mut unwatched)
+        prepare(Path::new(scene), &Options::new(Builder::Sah), &mut unwatched)
     }
 
     /// Mutants: `Load` without its message; the precision of the plan instead of the one asked for.
@@ -218,7 +238,7 @@ mod tests {
         assert_eq!(car.name, "car");
         assert!(!car.built.scene.triangles().is_empty() && car.view().camera().is_ok());
         let fast = Options { precision: Some(Precision::Fast), ..Options::new(Builder::Sah) };
-        assert_eq!(prepare("car", &fast, &mut unwatched).unwrap().precision, Precision::Fast);
+        assert_eq!(prepare(Path::new("car"), &fast, &mut unwatched).unwrap().precision, Precision::Fast);
         assert!(prepared("cat").unwrap_err().to_string().contains("built-in are: yard, car"));
         assert!(prepared("missing.obj").unwrap_err().to_string().contains("missing.obj"));
     }

@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3, Vec3};
 use rt_core::{Hit, Ray};
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Vertical field of view of an automatic camera in degrees: that of a 50 mm lens on 35 mm film, held upright.
 const FOV_DEGREES: f32 = 40.0;
@@ -90,10 +90,16 @@ pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) 
     (count > CLEARLY_MORE * seen(outside)).then_some(best)
 }
 
+/// Where [`listed`] looks for a scene's view.
+#[must_use]
+pub fn list_beside(path: &Path) -> PathBuf {
+    path.with_file_name("cameras.tsv")
+}
+
 /// The view of `model` that the file `cameras.tsv` beside its file `path` gives, if there is one: see [`from_row`].
 #[must_use]
 pub fn listed(path: &Path, model: &Model) -> Option<View> {
-    let table = fs::read_to_string(path.parent()?.join("cameras.tsv")).ok()?;
+    let table = fs::read_to_string(list_beside(path)).ok()?;
     let file = path.file_name()?.to_str()?;
     table.lines().find_map(|row| from_row(row, file, model))
 }

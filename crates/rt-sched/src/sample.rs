@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 use core::fmt;
-use rt_core::{StreamKind, Task, random};
+use rt_core::{RayStream, StreamKind, Task, random};
 
 /// Share of a task's rays that is sampled, in `1/4096 ..= 1`, without a unit.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
@@ -66,6 +66,12 @@ impl RaySampler {
     #[must_use]
     pub const fn for_kind(kind: StreamKind) -> Self {
         if kind.is_coherent() { Self::Strided } else { Self::Random }
+    }
+
+    /// The sampler that suits a stream.
+    #[must_use]
+    pub const fn for_stream(stream: &RayStream<'_>) -> Self {
+        if stream.is_coherent() { Self::Strided } else { Self::Random }
     }
 
     /// Appends the sample rays of `task` to `out` and returns their number. Equal arguments choose equal rays.

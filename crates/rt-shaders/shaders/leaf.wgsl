@@ -31,8 +31,7 @@ fn nearest_with(ray: Ray, reach: f32, origin: vec3<f32>, slot: u32, nearest: Nea
         return nearest;
     }
     if meeting.verdict == IN_DOUBT {
-        // A hit counts only where the ray enters the triangle's own box. One that is certain exists, so the padded box test
-        // cannot refuse it; for a doubtful one it often settles the matter.
+        // A ray that hits the triangle enters its box, which is padded beyond all rounding: where it does not, the doubt is settled.
         let range = enter(slabs_of(ray), min(min(a, b), c), max(max(a, b), c), nearest.limit);
         if range.x > range.y {
             return nearest;

@@ -27,7 +27,7 @@ fn scene_of(triangles: &[Triangle]) -> Arc<Scene> {
 
 /// Hits of single rays over the two-wide tree.
 fn expected(scene: &Scene, query: Query, rays: &[Ray], excluded: &[u32]) -> Vec<Hit> {
-    let spec = StreamSpec { query, precision: Precision::Robust, counts: false };
+    let spec = StreamSpec { query, precision: Precision::Robust, ..StreamSpec::default() };
     let mut hits = Vec::with_capacity(rays.len());
     let none = std::iter::repeat(&u32::MAX);
     let rays = rays.iter().copied().zip(excluded.iter().chain(none).copied());

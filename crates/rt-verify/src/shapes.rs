@@ -151,6 +151,63 @@ pub fn mixed_scales(count: u32, seed: u32) -> Vec<Triangle> {
     soup(count, 0.5, seed).into_iter().enumerate().map(triangle).collect()
 }
 
+/// `count` triangles of size 10⁻³⁰ around the origin, of size 1 and of size 3·10³⁸, in turn: more magnitudes than a unit can be
+/// chosen for.
+#[must_use]
+pub fn far_apart(count: u32, seed: u32) -> Vec<Triangle> {
+    // Coordinates of the soup are at most 1.25 times that.
+    const SIZES: [f32; 3] = [1e-30, 1.0, 2.7e38];
+    soup(count, 0.5, seed).into_iter().enumerate().map(|(i, t)| t.scaled(SIZES[i % 3])).collect()
+}
+
+/// `count` triangles of size 10⁻¹⁴ around the origin before a square of half edge 50, and one triangle at 10⁷ that makes the scene
+/// large: double precision cannot tell the small ones from points when it looks from some hundred units away.
+#[must_use]
+pub fn tiny_and_far(count: u32, seed: u32) -> Vec<Triangle> {
+    let [a, b, c, d] = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]].map(|[x, y]| Vec3::new(x, y, -2.0));
+    let [p, q, r] = [[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|[x, y]| Vec3::new(x, y, -1.0) * 1e7);
+    let tiny = soup(count, 1.0, seed).into_iter().map(|t| t.scaled(1e-14));
+    [Triangle::new(a, b, c), Triangle::new(a, c, d), Triangle::new(p, q, r)].into_iter().chain(tiny).collect()
+}
+
+/// A height field of `side × side` cells of size 10⁻⁴, one vertex of which says "no data", as files of terrain do.
+#[must_use]
+pub fn no_data(side: u32, seed: u32) -> Vec<Triangle> {
+    let mut triangles: Vec<Triangle> = grid(side, 0.2, seed).iter().map(|t| t.scaled(1e-4)).collect();
+    let hole = triangles[triangles.len() / 2].a;
+    for triangle in &mut triangles {
+        for corner in [&mut triangle.a, &mut triangle.b, &mut triangle.c] {
+            if *corner == hole {
+                corner.y = 3.4e38;
+            }
+        }
+    }
+    triangles
+}
+
+/// `count` triangles whose coordinates are whole numbers from −4 to 4: edges, planes and corners coincide exactly.
+#[must_use]
+pub fn lattice(count: u32, seed: u32) -> Vec<Triangle> {
+    let corner = |i, k| (point(seed, i, k) * 9.0).floor() - 4.0;
+    (0..count).map(|i| Triangle::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect()
+}
+
+/// A closed cube of half edge 1 whose faces are grids of 2, 4 and 8 cells by axis: where they meet, vertices of one lie on edges of
+/// the other, exactly.
+#[must_use]
+pub fn junctions() -> Vec<Triangle> {
+    let grids = [2, 4, 8].map(box_grid);
+    // The faces come by axis, both ends of each.
+    grids
+        .into_iter()
+        .zip(0..3)
+        .flat_map(|(grid, axis)| {
+            let face = grid.len() / 3;
+            grid.into_iter().skip(axis * face).take(face)
+        })
+        .collect()
+}
+
 /// A fan of `count` triangles around one vertex: many edges end in a point that all share.
 #[must_use]
 pub fn fan(count: u32) -> Vec<Triangle> {

@@ -115,7 +115,7 @@ impl Session {
         let expected = rays.len();
         // Where no ray has an origin, devices are spared the list.
         let origins = origins.iter().any(|&o| o != u32::MAX).then(|| origins.into());
-        let spec = StreamSpec { query, precision: self.precision, counts };
+        let spec = StreamSpec::new(query, self.precision, counts);
         self.tracer.load_rays(RaySource::Explicit { rays: rays.into(), origins }, spec)?;
         let ticket = self.tracer.submit(&tasks, None)?;
         let mut launch = Launch::default();

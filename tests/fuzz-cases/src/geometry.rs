@@ -76,7 +76,7 @@ fn check(scene: &Scene, rays: &[(Ray, u32)], positions: &[Vec3], indices: &[[u32
 }
 
 fn trace(scene: &Scene, rays: &[(Ray, u32)], query: Query, precision: Precision) -> (Vec<Hit>, Vec<TestCounts>) {
-    let spec = StreamSpec { query, precision, counts: true };
+    let spec = StreamSpec::new(query, precision, true);
     let (mut hits, mut counts) = (Vec::new(), Vec::new());
     rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays.iter().copied(), |hit, count| {
         hits.push(hit);

@@ -8,14 +8,17 @@
 mod bytes;
 mod files;
 mod geometry;
+mod predicates;
 mod scheduling;
 
 pub use files::{npy, obj};
 pub use geometry::geometry;
+pub use predicates::predicates;
 pub use scheduling::scheduling;
 
 /// A case: panics if its bytes break a promise.
 pub type Case = fn(&[u8]);
 
 /// All cases by the name of their program and their folder in the corpus.
-pub const CASES: &[(&str, Case)] = &[("obj", obj), ("npy", npy), ("geometry", geometry), ("scheduling", scheduling)];
+pub const CASES: &[(&str, Case)] =
+    &[("obj", obj), ("npy", npy), ("geometry", geometry), ("predicates", predicates), ("scheduling", scheduling)];

@@ -12,12 +12,13 @@
 #![forbid(unsafe_code)]
 
 use rt_bvh::{Builder, WideTree};
+use rt_conformance::is_required;
 use rt_core::{Device, Precision, Query, StreamSpec};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
 use rt_tests::parity::{Exam, Kind};
+use rt_tests::peers;
 use rt_tests::scenes::{self, RealScene};
-use rt_tests::{is_required, peers};
 use rt_verify::tree;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -135,7 +136,7 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     let mut reports = Vec::new();
     for (name, device, precision) in peers {
         let judged = [Query::Closest, Query::Any].map(|query| {
-            let spec = StreamSpec { query, precision: *precision, counts: false };
+            let spec = StreamSpec::new(query, *precision, false);
             exam.ask(&**device, &scene_of_peers, spec).map(|hits| exam.judge(&hits, query))
         });
         match judged {

@@ -4,7 +4,7 @@
 //! same triangles, flags and quality in a scene of their own.
 
 use super::soup::Soup;
-use super::tracer::{IN_FLIGHT, Peer, PeerTracer};
+use super::tracer::{Peer, PeerTracer};
 use embree4_rs::geometry::TriangleMeshGeometry;
 use embree4_rs::{CommittedScene, SceneOptions};
 use embree4_sys::{LoadError, Mesh, RTCBuildQuality, RTCRay, RTCSceneFlags};
@@ -38,7 +38,7 @@ impl EmbreeDevice {
         let [major, minor, patch] = embree4_sys::version()?;
         let robust = if options.robust { ", robust" } else { "" };
         let name = format!("Embree {major}.{minor}.{patch}{robust}");
-        let info = DeviceInfo { name, backend: "embree", units: 1, in_flight: IN_FLIGHT, memory: None };
+        let info = super::info(name, "embree");
         Ok(Self { info, options })
     }
 }

@@ -23,8 +23,14 @@ mod tracer;
 pub use embree::{EmbreeDevice, EmbreeOptions};
 pub use obvhs::{ObvhsDevice, ObvhsLayout};
 
-use rt_core::Device;
+use rt_core::{Capabilities, Counted, Device, DeviceInfo};
 use std::sync::Arc;
+
+/// What all peers say of themselves.
+fn info(name: String, backend: &'static str) -> DeviceInfo {
+    let capabilities = Capabilities::UNKNOWN.with_counts(Counted::Nothing);
+    DeviceInfo::new(name, backend).with_in_flight(tracer::IN_FLIGHT).with_capabilities(capabilities)
+}
 
 /// Every peer that is here, the most careful first; and why others are not.
 #[must_use]

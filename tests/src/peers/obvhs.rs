@@ -1,7 +1,7 @@
 //! The crate `obvhs` as a device, as it comes: its preset `medium_build` and its Möller–Trumbore test.
 
 use super::soup::Soup;
-use super::tracer::{IN_FLIGHT, Peer, PeerTracer};
+use super::tracer::{Peer, PeerTracer};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
@@ -50,7 +50,7 @@ impl ObvhsDevice {
     #[must_use]
     pub fn new(layout: ObvhsLayout) -> Self {
         let name = format!("obvhs {}", layout.name());
-        Self { info: DeviceInfo { name, backend: "obvhs", units: 1, in_flight: IN_FLIGHT, memory: None }, layout }
+        Self { info: super::info(name, "obvhs"), layout }
     }
 }
 

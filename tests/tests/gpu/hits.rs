@@ -9,8 +9,8 @@ use rt_core::{
     random, tasks_of,
 };
 use rt_scene::Model;
-use rt_tests::conformance::clock;
 use rt_tests::scenes;
+use rt_verify::clock;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::{shapes, tree};
 use std::sync::Arc;

@@ -6,7 +6,7 @@ use backend_vulkan::{Layout, Layouts, Options, VulkanDevice};
 use libtest_mimic::Failed;
 use rt_bvh::Builder;
 use rt_core::{Camera, CameraRays, Device, DeviceErrorKind, Launch, RaySource, StreamSpec, Task};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::Arc;

@@ -41,7 +41,7 @@ fn every_backend_in_one_run(cards: &[Arc<dyn rt_gpu::GpuDevice>]) -> Result<(), 
     for queue in [QueueKind::Static, QueueKind::Central, QueueKind::Hybrid] {
         let stream = Stream::new(source.clone(), StreamKind::Custom, StreamSpec::default()).with_task_size(256);
         let mut hits = vec![Hit::MISS; RAYS as usize];
-        let mut scheduling = Scheduling { queue, ..Scheduling::default() };
+        let mut scheduling = Scheduling { queue: Box::new(queue), ..Scheduling::default() };
         let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
         if let Some(i) = (0..hits.len()).find(|&i| bits(&hits[i]) != bits(&expected[i])) {
             return Err(format!("{queue:?}, ray {i}: {:?}, not {:?}", hits[i], expected[i]).into());

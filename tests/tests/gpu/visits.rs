@@ -11,7 +11,7 @@ use rt_core::{
 };
 use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_sched::sample::Fraction;
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -133,7 +133,7 @@ fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
             let mut balancer = Balancer::new(Arc::clone(&scene), &devices)?;
             let stream = Stream::new(source_of(&rays), StreamKind::Custom, StreamSpec::default()).with_task_size(128);
             let limits = Limits { late: LIMIT, lost: LIMIT, ..Limits::default() };
-            let mut how = Scheduling { estimator, queue, limits, ..Scheduling::default() };
+            let mut how = Scheduling { estimator, queue: Box::new(queue), limits, ..Scheduling::default() };
             let mut hits = vec![Hit::MISS; rays.len()];
             balancer.trace(&stream, &mut how, &mut hits, None, Control::default())?;
             drop(balancer);

@@ -6,7 +6,7 @@ use libtest_mimic::{Failed, Trial};
 use rt_bvh::Builder;
 use rt_core::{Device, DeviceError, DeviceErrorKind, Launch, RaySource, StreamSpec, tasks_of};
 use rt_shaders::{Kernel, Purpose};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::Arc;

@@ -9,7 +9,7 @@ use rt_core::{BounceRays, Query, Ray, RaySource, StreamSpec, tasks_of};
 use rt_gpu::{GpuDevice, Tuning, bounce};
 use rt_scene::streams::{Paths, Sun, Wave};
 use rt_shaders::{Kernel, Purpose};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use rt_verify::tree;
 use std::sync::Arc;
 

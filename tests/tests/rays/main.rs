@@ -16,8 +16,8 @@ use rt_core::{
 };
 use rt_gpu::{GpuDevice, Tuning};
 use rt_scene::{View, builtin};
-use rt_tests::conformance::clock;
 use rt_tests::scenes;
+use rt_verify::clock;
 use rt_verify::tree;
 use std::fmt::Display;
 use std::sync::{Arc, OnceLock};
@@ -144,7 +144,7 @@ fn on_processor(rays: &CameraRays, spec: StreamSpec) -> Result<(Vec<Hit>, Vec<Te
     Ok(tree::trace(&car()?.0, spec, &rays))
 }
 
-const COUNTED: StreamSpec = StreamSpec { query: Query::Closest, precision: rt_core::Precision::Robust, counts: true };
+const COUNTED: StreamSpec = StreamSpec::new(Query::Closest, rt_core::Precision::Robust, true);
 
 /// Sizes odd and even, one sample and several, in one window and in small ones that cut pixels in two. Fails when the
 /// kernel takes a pixel's samples from the start of its window, or divides by the width.

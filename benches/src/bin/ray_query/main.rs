@@ -17,7 +17,7 @@ use rt_balance::stats::{Summary, median};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
-use rt_tests::conformance::clock;
+use rt_verify::clock;
 use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

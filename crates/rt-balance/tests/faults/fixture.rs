@@ -91,12 +91,17 @@ pub(crate) fn patient() -> Limits {
 /// Samples a sixteenth of the rays in full, so that every call of a device is made.
 pub(crate) fn sampling(queue: QueueKind, limits: Limits) -> Scheduling {
     let sixteenth = Fraction::new(1.0 / 16.0).expect("a fraction");
-    Scheduling { queue, limits, estimator: Box::new(Sampled::new(Walk::Full, sixteenth)), ..Scheduling::default() }
+    Scheduling {
+        queue: Box::new(queue),
+        limits,
+        estimator: Box::new(Sampled::new(Walk::Full, sixteenth)),
+        ..Scheduling::default()
+    }
 }
 
 /// Asks for no sample.
 pub(crate) fn uniform(queue: QueueKind, limits: Limits) -> Scheduling {
-    Scheduling { queue, limits, estimator: Box::new(Uniform), ..Scheduling::default() }
+    Scheduling { queue: Box::new(queue), limits, estimator: Box::new(Uniform), ..Scheduling::default() }
 }
 
 /// Traces the stream and checks every bit of a run that says it went well, and every finished task of one that does not.

@@ -8,4 +8,5 @@ mod environment;
 mod fixture;
 mod lies;
 mod panics;
+mod queues;
 mod silence;

@@ -146,7 +146,7 @@ where
 {
     match walk {
         Walk::Full => {
-            trace_over(layout, stack, StreamSpec { query: Query::Closest, precision, counts: true }, rays, sink);
+            trace_over(layout, stack, StreamSpec::new(Query::Closest, precision, true), rays, sink);
         }
         Walk::Reduced(ReducedWalk::LeafAsHit) => layout.each::<Reduced<true>, R, S>(stack, rays, sink),
         Walk::Reduced(ReducedWalk::Unshortened) => layout.each::<Reduced<false>, R, S>(stack, rays, sink),

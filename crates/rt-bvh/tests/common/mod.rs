@@ -87,7 +87,7 @@ pub(crate) fn scene_of(model: &Model, builder: Builder) -> Arc<Scene> {
 }
 
 pub(crate) fn closest(scene: &Scene, precision: Precision, rays: &[Ray]) -> Vec<Hit> {
-    let spec = StreamSpec { query: Query::Closest, precision, counts: false };
+    let spec = StreamSpec::new(Query::Closest, precision, false);
     trace_all(scene, spec, rays).into_iter().map(|(hit, _)| hit).collect()
 }
 

@@ -1,7 +1,7 @@
 //! How work is cut, estimated and dealt.
 
 use super::CardArgs;
-use super::parse::{named, parse_fraction, parse_seconds, parse_share, reduced_walk};
+use super::parse::{named, parse_devices, parse_fraction, parse_seconds, parse_share, reduced_walk};
 use clap::Args;
 use rt_balance::QueueKind;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};
@@ -17,25 +17,25 @@ pub(crate) struct EstimateArgs {
     /// the estimator auto follows its budget instead, and adaptive begins with 1/256
     #[arg(long, value_parser = parse_fraction, value_name = "F")]
     pub(crate) fraction: Option<f64>,
-    /// Share of the trace that the estimator auto may spend on sampling (such as 0.005)
-    #[arg(long, value_parser = parse_share, default_value = "0.005", value_name = "F")]
-    pub(crate) budget: f64,
-    /// What the walk of the estimator reduced does at a leaf
-    #[arg(long, value_parser = reduced_walk(), default_value = "leaf", value_name = "WALK")]
-    pub(crate) reduced: &'static Entry<Make>,
+    /// Share of the trace that the estimator auto may spend on sampling [default: 0.005, half a percent]
+    #[arg(long, value_parser = parse_share, value_name = "F")]
+    pub(crate) budget: Option<f64>,
+    /// What the walk of the estimator reduced does at a leaf [default: leaf]
+    #[arg(long, value_parser = reduced_walk(), value_name = "WALK")]
+    pub(crate) reduced: Option<&'static Entry<Make>>,
 }
 
 /// How work is cut, estimated and dealt.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct BalanceArgs {
     /// Devices, such as cpu:1,cpu:1@0.5,vulkan:0 (threads, speed, number) or auto: one per core and every graphics card
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     #[command(flatten)]
     pub(crate) cards: CardArgs,
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
-    /// How tasks are dealt to devices (static queue; the hybrid queue takes lpt only, the central queue none)
+    /// How tasks are dealt to devices, or ordered (central queue)
     #[arg(long, value_parser = named(POLICIES), value_name = "NAME")]
     pub(crate) policy: Option<&'static Entry<MakePolicy>>,
     /// How devices get their tasks

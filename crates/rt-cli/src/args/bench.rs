@@ -1,5 +1,6 @@
 //! Options of `raybalance bench`.
 
+use super::parse::parse_devices;
 use super::{CardArgs, SceneArgs};
 use clap::Args;
 use std::path::PathBuf;
@@ -7,11 +8,11 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
     /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
-    pub(crate) scenes: Vec<String>,
+    pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
     /// Devices, one after the other, such as cpu:1,vulkan:0, or auto: all cores together and every graphics card
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     #[command(flatten)]
     pub(crate) cards: CardArgs,

@@ -1,6 +1,6 @@
 //! Options of `raybalance figure1`.
 
-use super::parse::parse_size;
+use super::parse::{parse_devices, parse_size};
 use super::{EstimateArgs, SceneArgs};
 use clap::Args;
 use std::path::PathBuf;
@@ -9,13 +9,13 @@ use std::path::PathBuf;
 pub(crate) struct Figure1Args {
     /// yard, car, or OBJ files
     #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
-    pub(crate) scenes: Vec<String>,
+    pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
     /// Devices to trace on, or with --replay the one to measure [default: cpu:1,cpu:1,cpu:1]
-    #[arg(long, value_name = "LIST")]
+    #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     /// Play M equal virtual devices from task times measured on one real device [default: 3 with fewer than 3 cores]
     #[arg(long, value_name = "M", value_parser = clap::value_parser!(u32).range(1..=1024))]

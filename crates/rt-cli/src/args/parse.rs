@@ -1,9 +1,16 @@
-//! Values on the command line: names of the catalogue, fractions, sizes, points, amounts of memory.
+//! Values on the command line: names of the catalogue, devices, fractions, sizes, points, amounts of memory.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DVec3, Vec3};
 use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
+use rt_balance::devices::{self, ListError};
 use std::time::Duration;
+
+/// The list stays text: opening it reads it again.
+pub(super) fn parse_devices(text: &str) -> Result<String, ListError> {
+    devices::check(text.trim())?;
+    Ok(text.trim().to_owned())
+}
 
 /// Names of a list of the catalogue.
 pub(super) fn named<T: Send + Sync>(entries: &'static [Entry<T>]) -> impl TypedValueParser<Value = &'static Entry<T>> {
@@ -31,6 +38,13 @@ pub(super) fn parse_share(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
         _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
+    }
+}
+
+pub(super) fn parse_fov(text: &str) -> Result<f32, String> {
+    match text.trim().parse::<f32>() {
+        Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
+        _ => Err("must be above 0 and below 180 degrees, such as 40".to_owned()),
     }
 }
 
@@ -84,6 +98,8 @@ mod tests {
     fn values_are_parsed_or_explained() {
         assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
         assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
+        assert_eq!(parse_fov("40"), Ok(40.0));
+        assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| parse_fov(text).is_err()));
         assert_eq!(parse_seconds("0.5"), Ok(Duration::from_millis(500)));
         assert!(["0", "-1", "nan", "inf", "1e300", "soon"].iter().all(|text| parse_seconds(text).is_err()));
         assert_eq!(parse_size("640x400"), Ok([640, 400]));

@@ -1,6 +1,6 @@
 //! Options of `raybalance render`.
 
-use super::parse::{parse_bytes, parse_point, parse_size, parse_vec3};
+use super::parse::{parse_bytes, parse_fov, parse_point, parse_size, parse_vec3};
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
 use glam::{DVec3, Vec3};
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 #[derive(Debug, Parser)]
 pub(crate) struct RenderArgs {
     /// yard, car, or an OBJ file [default: yard]
-    pub(crate) scene: Option<String>,
+    pub(crate) scene: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
     #[command(flatten)]
@@ -36,7 +36,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) up: Option<Vec3>,
     /// Vertical field of view in degrees
-    #[arg(long, value_name = "DEGREES")]
+    #[arg(long, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
     /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene, 12 bytes
     /// a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused

@@ -1,7 +1,7 @@
 //! Options of `raybalance tradeoff` and of each trade.
 
 use super::SceneArgs;
-use super::parse::parse_size;
+use super::parse::{parse_devices, parse_size};
 use clap::{Args, Subcommand};
 use rt_bvh::Builder;
 use rt_lab::DEFAULT_BUILDER;
@@ -32,11 +32,11 @@ pub(crate) enum TradeArg {
 pub(crate) struct TradeArgs {
     /// yard, car, or OBJ files
     #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
-    pub(crate) scenes: Vec<String>,
+    pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
     /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics card]
-    #[arg(long, visible_aliases = ["device", "backend"], value_name = "LIST")]
+    #[arg(long, visible_aliases = ["device", "backend"], value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget demands it]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
@@ -62,9 +62,10 @@ pub(crate) struct TradeArgs {
 #[derive(Debug, Args)]
 pub(crate) struct PrecisionTradeoffArgs {
     /// yard, car, or OBJ files [default: yard car]
-    pub(crate) scenes: Vec<String>,
+    pub(crate) scenes: Vec<PathBuf>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
-    #[arg(long, visible_aliases = ["devices", "device"], value_name = "LIST", default_value = "cpu")]
+    #[arg(long, visible_aliases = ["devices", "device"], value_name = "LIST", default_value = "cpu",
+          value_parser = parse_devices)]
     pub(crate) backend: String,
     /// Fewer rays and runs: a look, not a measurement
     #[arg(long)]

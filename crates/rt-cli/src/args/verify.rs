@@ -1,17 +1,20 @@
 //! Options of `raybalance verify`.
 
 use super::PrecisionArg;
+use super::parse::parse_devices;
+use crate::exit::Exit;
 use clap::Args;
 use rt_bvh::Builder;
 use rt_lab::DEFAULT_BUILDER;
+use std::path::PathBuf;
 
 #[derive(Debug, Args)]
-#[command(after_help = "Exit codes: 0 every promise held, 1 some did not, 2 wrong usage, 130 interrupted.")]
+#[command(after_help = format!("{}; here 1 is also that some promise did not hold.", Exit::HELP))]
 pub(crate) struct VerifyArgs {
     /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
-    pub(crate) scenes: Vec<String>,
+    pub(crate) scenes: Vec<PathBuf>,
     /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
-    #[arg(long, value_name = "LIST", default_value = "cpu")]
+    #[arg(long, value_name = "LIST", default_value = "cpu", value_parser = parse_devices)]
     pub(crate) backend: String,
     /// Try these cases only, named as the report names them, such as watertight [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',',

@@ -1,5 +1,6 @@
 use super::*;
 use glam::Vec3;
+use npyz::Order;
 
 /// A file as `np.save` writes it: version 1.0, header padded to 64 bytes.
 fn npy(dict: &str, data: &[u8]) -> Vec<u8> {
@@ -66,22 +67,33 @@ fn origins_in_double_precision_keep_their_digits_relative_to_the_offset() {
     assert!(refusal(&file[..file.len() - 1]).contains("promises"));
 }
 
+/// Mutant: rows and columns exchanged, in which NumPy's `rays.T` of an 8 × N array is saved.
 #[test]
-fn other_arrays_are_refused_with_what_was_found_and_what_to_do() {
-    for (descr, fortran, shape, found, advice) in [
-        (">f8", "False", "(2, 8)", "'>f8'", "astype('<f4')"),
-        ("<i4", "False", "(2, 8)", "'<i4'", "astype('<f4')"),
-        ("<f8", "False", "(2, 6)", "[2, 6]", "tmin"),
-        (">f4", "False", "(2, 8)", "'>f4'", "astype('<f4')"),
-        ("<f4", "False", "(2, 6)", "[2, 6]", "tmin"),
-        ("<f4", "False", "(16,)", "[16]", "reshape(-1, 8)"),
-        ("<f4", "True", "(2, 8)", "Fortran", "np.ascontiguousarray"),
-    ] {
-        let message = refusal(&npy(&dict(descr, fortran, shape), &[0; 128]));
-        assert!(message.contains(found) && message.contains(advice), "{message}");
+fn rays_by_columns_are_the_same_rays() {
+    for rows in [0, 1, 3, CHUNK + 3, 2 * CHUNK * COLUMNS + 5] {
+        let rays: Vec<Ray> =
+            (0..rows).map(|i| Ray::new(Vec3::new(i as f32, 1.0, 2.0), Vec3::Z).with_range(0.5, i as f32)).collect();
+        let words: &[[u32; COLUMNS]] = bytemuck::cast_slice(&rays);
+        let by_columns: Vec<u32> = (0..COLUMNS).flat_map(|c| words.iter().map(move |row| row[c])).collect();
+        let file = npy(&dict("<f4", "True", &format!("({rows}, 8)")), bytemuck::cast_slice(&by_columns));
+        assert_eq!(bytes_of(&parse_rays(&file, DVec3::ZERO).unwrap()), bytes_of(&rays));
+        let doubles: Vec<f64> = by_columns.iter().map(|&bits| f64::from(f32::from_bits(bits))).collect();
+        let file = npy(&dict("<f8", "True", &format!("({rows}, 8)")), bytemuck::cast_slice(&doubles));
+        let offset = DVec3::new(1.0, 0.0, 2.0);
+        let moved = rays.iter().map(|ray| (ray.origin.as_dvec3() - offset).as_vec3());
+        assert!(parse_rays(&file, offset).unwrap().iter().map(|ray| ray.origin).eq(moved));
+        if rows > 0 {
+            assert!(refusal(&file[..file.len() - 1]).contains("promises"));
+        }
     }
+}
+
+#[test]
+fn what_is_no_array_of_rays_is_refused() {
     assert!(refusal(b"o cube\nv 0 0 0\n").contains("np.save"));
+    assert!(refusal(b"PK\x03\x04 an archive").contains(".npz"));
     assert!(refusal(&npy(&dict("<f4", "False", "(5000000000, 8)"), &[])).contains("split the file"));
+    assert!(refusal(&npy(&dict("<f4", "False", "(8, 7)"), &[0; 224])).contains("save `rays.T`"));
 }
 
 #[test]

@@ -96,7 +96,7 @@ impl Bench<'_> {
 
     /// Everything once, one after the other, so that a drift of the machine's speed is in all of it.
     fn repetition(&self, tracer: &mut dyn Tracer, rays: &Rays, samples: &mut Samples) -> Result<(), DeviceError> {
-        let spec = StreamSpec { query: rays.query, precision: self.precision, counts: false };
+        let spec = StreamSpec::new(rays.query, self.precision, false);
         let before = tracer.traffic();
         let begin = clock();
         tracer.load_rays(rays.source.clone(), spec)?;

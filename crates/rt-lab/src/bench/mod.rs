@@ -9,7 +9,8 @@ use anyhow::{Context, Result};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::devices::{CardOptions, Opened, Opener};
-use rt_report::output;
+use rt_report::command_words;
+use rt_report::output::{self, Outputs};
 use std::path::PathBuf;
 use std::sync::Arc;
 use streams::BenchScene;
@@ -31,7 +32,7 @@ const SCHEMA: u32 = 1;
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Built-in scenes or OBJ files, beside which a `cameras.tsv` is used; none: [`DEFAULT_SCENES`].
-    pub scenes: Vec<String>,
+    pub scenes: Vec<PathBuf>,
     /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
     pub devices: String,
     /// How graphics cards are used.
@@ -55,23 +56,26 @@ pub struct Options {
 /// # Errors
 /// When a scene cannot be prepared, a device not be opened or fails, or the file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
-    let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
     let scenes = match &options.scenes[..] {
-        [] => DEFAULT_SCENES.map(str::to_owned).to_vec(),
+        [] => DEFAULT_SCENES.map(PathBuf::from).to_vec(),
         named => named.to_vec(),
     };
+    if let Some(path) = &options.out {
+        Outputs::new().file("--out", path).scenes(&scenes).check()?;
+    }
+    let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         seed: options.seed,
         repeat,
         paper: PAPER,
         results: Vec::new(),
     };
     if !options.json {
-        lab.show.print(results::introduction(repeat).trim_end());
+        lab.show.print(results::introduction(repeat).trim_end())?;
     }
     for name in &scenes {
         let prepared = (lab.scenes)(name)?;
@@ -90,7 +94,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
             let bench = Bench { lab, named, tree: Arc::clone(&scene.tree), precision: prepared.precision, repeat };
             let measured = DeviceResult::new(named, described.clone(), bench.run(&streams)?);
             if !options.json {
-                lab.show.print(&format!("\n{}", results::table(&measured).trim_end()));
+                lab.show.print(&format!("\n{}", results::table(&measured).trim_end()))?;
             }
             results.results.push(measured);
         }
@@ -99,7 +103,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         output::write_atomically(path, |file| Ok(serde_json::to_writer_pretty(file, &results)?))?;
     }
     if options.json {
-        lab.show.print(&serde_json::to_string_pretty(&results)?);
+        lab.show.print(&serde_json::to_string_pretty(&results)?)?;
     }
     Ok(())
 }

@@ -106,7 +106,8 @@ mod tests {
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
-        let prepared = prepare("car", &Options::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched).unwrap();
+        let path = std::path::Path::new("car");
+        let prepared = prepare(path, &Options::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched).unwrap();
         let scene = BenchScene::new(&prepared);
         let rays = scene.streams(1000, 1).unwrap();
         assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);

@@ -16,6 +16,7 @@ use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
 use rt_scene::streams::{Paths, Wave};
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::path::Path;
 use std::sync::Arc;
 
 struct Options {
@@ -32,7 +33,7 @@ struct Options {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    let scene = prepare(&options.scene, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+    let scene = prepare(Path::new(&options.scene), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();
     let mut balancer = Balancer::new(Arc::clone(&scene.built.scene), &devices)?;

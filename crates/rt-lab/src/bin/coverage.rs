@@ -20,8 +20,8 @@ use rt_balance::catalogue::{ESTIMATORS, Estimator, find};
 use rt_balance::stats::median;
 use rt_bvh::Stack;
 use rt_core::{
-    CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step, StreamKind,
-    StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
+    Coherence, CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step,
+    StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
 use rt_lab::DEFAULT_BUILDER;
 use rt_scene::prepare::{Options as Prepare, prepare};
@@ -30,6 +30,7 @@ use rt_sched::estimate::interval_95;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::path::Path;
 
 /// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
 const LEAST_OF_A_TASK: f64 = 0.9;
@@ -93,7 +94,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     let cases = cases(&options);
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
         let paths = scene.paths(&scene.view(), options.size, 1)?;
         let primary = paths.primary(&Wave::whole(options.size)?);
@@ -174,7 +175,7 @@ fn cases(options: &Options) -> Vec<Case> {
 impl Stream {
     fn new(scene: &Scene, kind: StreamKind, source: RaySource, task_size: u32) -> Self {
         let rays: Vec<(Ray, u32)> = (0..source.len()).map(|i| source.ray(i)).collect();
-        let spec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
+        let spec = StreamSpec::new(Query::Closest, Precision::Robust, true);
         let count = |walk: Walk| -> Vec<TestCounts> {
             let of_some = |rays: &[(Ray, u32)]| {
                 let (mut stack, mut counts) = (Stack::for_scene(scene), Vec::with_capacity(rays.len()));
@@ -241,8 +242,16 @@ impl Case {
     /// thread seconds of the estimator's own work.
     fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>, f64) {
         let Stream { kind, source, tasks, .. } = stream;
-        let asked =
-            RayStream { kind: *kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
+        let asked = RayStream {
+            kind: *kind,
+            coherence: Coherence::Unknown,
+            tasks,
+            seed,
+            part: 0,
+            source: Some(source),
+            devices: 2,
+            blind_excess: 1.0,
+        };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         let mut host_s = 0.0;

@@ -155,7 +155,7 @@ impl Plan<'_> {
         let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
         Ok(CONFIGS.map(|config| {
             let policy = config.policy();
-            let queue = policy.as_deref().map_or(Queue::Central, Queue::Static);
+            let queue = Queue::new(&config.queue, policy.as_deref());
             if config.estimate == Estimate::Asked {
                 replay.cost_initialised(queue, &seen)
             } else {

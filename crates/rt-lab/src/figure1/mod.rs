@@ -7,11 +7,13 @@ use crate::Lab;
 use crate::lab::open;
 use crate::stretch::Stretch;
 use crate::subject::Subject;
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::catalogue::Estimator;
 use rt_balance::cpu::CpuDevice;
 use rt_core::Device;
+use rt_report::output::Outputs;
+use rt_report::usage::usage;
 use rt_report::{Machine, command_line};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -65,7 +67,7 @@ struct Setting {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Built-in scenes or OBJ files.
-    pub scenes: Vec<String>,
+    pub scenes: Vec<PathBuf>,
     /// What initialises the costs.
     pub estimator: Estimator,
     /// Share of the rays that it was asked to sample, for the report.
@@ -94,7 +96,10 @@ pub struct Options {
 /// # Errors
 /// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
-    ensure!(options.task_sizes.is_sorted_by(|a, b| a < b), "--task-sizes must increase, such as 64,256,1024");
+    if !options.task_sizes.is_sorted_by(|a, b| a < b) {
+        return Err(usage("--task-sizes must increase, such as 64,256,1024"));
+    }
+    Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes).check()?;
     let setting = setting(options)?;
     if let Some(note) = &setting.note {
         lab.show.note(note);
@@ -128,7 +133,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         results.measured_on = subject.devices();
         for stream in subject.streams(size, options.seed)? {
             if stream.source.is_empty() {
-                lab.show.note(&format!("no {} rays in {scene}: nothing was hit", stream.kind));
+                lab.show.note(&format!("no {} rays in {}: nothing was hit", stream.kind, scene.display()));
                 continue;
             }
             let plan = measure::Plan {
@@ -139,7 +144,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
                 seed: options.seed,
             };
             let panel = plan.measure(&mut subject, &stream, &|| stretch.step());
-            results.panels.push(panel.with_context(|| format!("{scene}, {} rays", stream.kind))?);
+            results.panels.push(panel.with_context(|| format!("{}, {} rays", scene.display(), stream.kind))?);
         }
     }
     stretch.finish();
@@ -151,7 +156,7 @@ fn setting(options: &Options) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
         let devices = open(list.unwrap_or("cpu:1"))?;
         if devices.len() != 1 {
-            bail!("--replay measures on one device: name one in --devices, such as cpu:1");
+            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
         }
         Ok(devices)
     };

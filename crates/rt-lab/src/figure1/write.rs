@@ -11,6 +11,9 @@ use rt_report::table::{self, Table, grouped};
 use std::fmt::Write as _;
 use std::path::Path;
 
+/// Every file.
+pub(super) const FILES: [&str; 5] = ["figure1.svg", "figure1.png", "figure1.csv", "figure1.json", "report.html"];
+
 pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
     let figure = figure(results);
     figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure)?;
@@ -26,8 +29,7 @@ pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
         let _ = writeln!(text, "\n{}\n{}", panel.title(), panel.table());
     }
     let _ = write!(text, "  written to {}: figure1.svg, .png, .csv, .json and report.html", out.display());
-    lab.show.print(&text);
-    Ok(())
+    Ok(lab.show.print(&text)?)
 }
 
 /// The figure with everything a reader must know to trust it.

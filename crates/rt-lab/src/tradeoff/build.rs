@@ -16,6 +16,7 @@ use rt_report::table::{Table, seconds};
 use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
+use std::path::Path;
 use std::time::Instant;
 
 /// One builder on one scene.
@@ -65,13 +66,13 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     }
     let table = table(&rows);
     page.table("Builders: medians, intervals in brackets", &table);
-    setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"));
     setting.write("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
-    setting.write_json("build.json", &rows)
+    setting.write_json("build.json", &rows)?;
+    Ok(setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
 }
 
-fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
     let mut subject = Subject::open(setting.lab, scene, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
@@ -85,7 +86,8 @@ fn measure(setting: &Setting<'_>, scene: &str, stretch: &Stretch<'_>) -> Result<
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
             let options = BuildOptions { builder, ..subject.options().build() };
-            let built = rt_bvh::build(mesh, &options).with_context(|| format!("building {scene} by {builder}"))?;
+            let failed = || format!("building {} by {builder}", scene.display());
+            let built = rt_bvh::build(mesh, &options).with_context(failed)?;
             let build_s = begin.elapsed().as_secs_f64();
             if round == 0 {
                 rows.push(Row {
@@ -126,7 +128,8 @@ fn speed(lab: Lab<'_>, balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<
     if stream.source.is_empty() {
         return Ok(f64::NAN);
     }
-    let mut plain = Scheduling { estimator: Box::new(Uniform), queue: QueueKind::Static, ..Scheduling::default() };
+    let mut plain =
+        Scheduling { estimator: Box::new(Uniform), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = trace(lab, balancer, stream, &mut plain, hits)?;
     Ok(f64::from(run.report.rays) / run.report.makespan_s / 1e6)
 }

@@ -11,11 +11,14 @@ use crate::Lab;
 use crate::lab::open;
 use crate::stretch::Stretch;
 use crate::subject::Subject;
-use anyhow::{Result, bail};
+use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;
 use rt_report::html::Page;
+use rt_report::output::Outputs;
+use rt_report::usage::usage;
 use rt_report::{Machine, command_line, table};
+use rt_scene::prepare::short_name;
 use setting::{Head, Setting, file_part};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,16 +32,42 @@ struct Trade {
     /// How many times about as many rays as a picture has pixels are traced in a round on a scene.
     passes: fn(&Options) -> f64,
     run: fn(&Setting<'_>, &mut Page) -> Result<()>,
+    /// The kinds of its files that are one for all scenes, and of those that are one for each.
+    files: (&'static [&'static str], &'static [&'static str]),
+}
+
+impl Trade {
+    /// Names of all files that it writes about some scenes.
+    fn files(&self, scenes: &[PathBuf]) -> Vec<String> {
+        let (once, each) = self.files;
+        let of_scene = |scene: &PathBuf| {
+            let scene = file_part(&short_name(scene));
+            each.iter().map(move |kind| format!("{}-{scene}.{kind}", self.name)).collect::<Vec<_>>()
+        };
+        once.iter().map(|kind| format!("{}.{kind}", self.name)).chain(scenes.iter().flat_map(of_scene)).collect()
+    }
 }
 
 /// Every trade there is, in the order in which `raybalance tradeoff` runs them.
 const TRADES: [Trade; 4] = [
     // Hundreds of settings against a few.
-    Trade { name: "sampling", weight: 4.0, passes: sampling::passes, run: sampling::run },
-    Trade { name: "precision", weight: 1.0, passes: precision::passes, run: precision_of_all },
-    Trade { name: "build", weight: 1.0, passes: build::passes, run: build::run },
-    Trade { name: LAYOUT, weight: 1.0, passes: layout::passes, run: layout::run },
+    Trade { name: "sampling", weight: 4.0, passes: sampling::passes, run: sampling::run, files: FILES },
+    Trade {
+        name: "precision",
+        weight: 1.0,
+        passes: precision::passes,
+        run: precision_of_all,
+        files: (&["json", "csv", "md", "svg"], &[]),
+    },
+    Trade { name: "build", weight: 1.0, passes: build::passes, run: build::run, files: FILES },
+    Trade { name: LAYOUT, weight: 1.0, passes: layout::passes, run: layout::run, files: FILES },
 ];
+
+/// What most trades write.
+const FILES: (&[&str], &[&str]) = (&["md", "csv", "json"], &["svg"]);
+
+/// The page of all trades.
+const PAGE: &str = "report.html";
 
 /// The trade that needs devices with a choice of layouts.
 const LAYOUT: &str = "layout";
@@ -62,7 +91,7 @@ const QUICK_REPEAT: u32 = 2;
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Built-in scenes or OBJ files.
-    pub scenes: Vec<String>,
+    pub scenes: Vec<PathBuf>,
     /// The device to measure, of the trade of layouts a list; `None`: one core, and every graphics card.
     pub devices: Option<String>,
     /// Size of the picture in pixels, one ray each; `None`: as suits the extent, smaller where a budget demands it.
@@ -107,18 +136,20 @@ impl Chosen {
 pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()> {
     let (common, chosen) = (options, chosen.map(Chosen::name));
     let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
+    check_outputs(&common.out, &trades, &common.scenes)?;
     let (cards, mut left_out) = match chosen {
         None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
         _ => (Vec::new(), Vec::new()),
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
-        bail!("{}", left_out.join("; "));
+        let reasons = left_out.join("; ");
+        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
         left_out.iter_mut().for_each(|reason| *reason = format!("The trade layout is left out: {reason}."));
     }
-    left_out.iter().for_each(|reason| lab.show.print(reason));
+    left_out.iter().try_for_each(|reason| lab.show.print(reason))?;
     let devices = if chosen == Some(LAYOUT) { layout::one_each(&cards) } else { vec![one_device(common)?] };
 
     let seeds =
@@ -141,15 +172,21 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     finish(lab, &page, &common.out, begin)
 }
 
+/// Whether the files of all trades can be written.
+fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
+    let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
+    Outputs::new().folder("--out", out, files).scenes(scenes).check()
+}
+
 /// The device that is named, or the usual one.
 fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
     let list = args.devices.as_deref().unwrap_or(DEVICE);
     let mut devices = open(list)?;
     match (devices.pop(), devices.is_empty()) {
         (Some(device), true) => Ok(device),
-        _ => {
-            bail!("--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more")
-        }
+        _ => Err(usage(format!(
+            "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
+        ))),
     }
 }
 
@@ -213,13 +250,12 @@ fn size_within(time: Duration, seconds_per_pixel: f64, most: [u32; 2]) -> [u32; 
 }
 
 fn finish(lab: Lab<'_>, page: &Page, out: &Path, begin: Instant) -> Result<()> {
-    page.write(&out.join("report.html"))?;
+    page.write(&out.join(PAGE))?;
     let all = table::seconds(begin.elapsed().as_secs_f64());
-    lab.show.print(&format!(
-        "\n  measured in {all}, written to {}: tables, charts, raw numbers and report.html",
-        out.display()
-    ));
-    Ok(())
+    let out = out.display();
+    Ok(lab
+        .show
+        .print(&format!("\n  measured in {all}, written to {out}: tables, charts, raw numbers and report.html"))?)
 }
 
 /// Measures the trade of precisions alone, which has options of its own.
@@ -228,6 +264,8 @@ fn finish(lab: Lab<'_>, page: &Page, out: &Path, begin: Instant) -> Result<()> {
 /// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
 pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let begin = Instant::now();
+    let trades: Vec<&Trade> = TRADES.iter().filter(|trade| trade.name == "precision").collect();
+    check_outputs(&own.out, &trades, &own.scenes)?;
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
     let stretch = Stretch::whole(lab.show, None);

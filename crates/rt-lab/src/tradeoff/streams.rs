@@ -53,7 +53,7 @@ pub(super) fn streams(prepared: &Prepared, triangles: &[Triangle], size: [u32; 2
 
 /// The hits of a stream in double precision.
 pub(super) fn reference(scene: &Scene, source: &RaySource, query: Query) -> Vec<Hit> {
-    streams::trace(scene, source, StreamSpec { query, precision: Precision::Double, counts: false })
+    streams::trace(scene, source, StreamSpec::new(query, Precision::Double, false))
 }
 
 /// Traces a whole stream in one launch, in tasks as the balancer cuts them by default.

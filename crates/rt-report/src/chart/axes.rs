@@ -1,6 +1,6 @@
 //! Logarithmic axes: for quantities that span decades.
 
-use super::sheet::{FAINT, GRID, HPos, Look, Place, Sheet};
+use super::sheet::{Align, FAINT, GRID, Look, Place, Sheet};
 
 /// A logarithmic axis between two pixels.
 #[derive(Clone, Copy, Debug)]
@@ -69,17 +69,17 @@ pub(super) fn frame(sheet: &mut Sheet, x: &LogAxis, y: &LogAxis, factors: [f64; 
     for (tick, label) in x.ticks(factors[0]) {
         let at = x.at(tick);
         sheet.rectangle((at - 0.5, y.to), (at + 0.5, y.from), GRID);
-        sheet.text(label, (at, y.from + 14.0), Look::axis(HPos::Center));
+        sheet.text(label, (at, y.from + 14.0), Look::axis(Align::Center));
     }
     for (tick, label) in y.ticks(factors[1]) {
         let at = y.at(tick);
         sheet.rectangle((x.from, at - 0.5), (x.to, at + 0.5), GRID);
-        sheet.text(label, (x.from - 7.0, at), Look::axis(HPos::Right));
+        sheet.text(label, (x.from - 7.0, at), Look::axis(Align::Right));
     }
     sheet.rectangle((x.from, y.to), (x.from + 1.0, y.from), FAINT);
     sheet.rectangle((x.from, y.from), (x.to, y.from + 1.0), FAINT);
-    sheet.text(titles[0], ((x.from + x.to) / 2.0, y.from + 32.0), Look::axis(HPos::Center));
-    sheet.text(titles[1], (x.from - 44.0, y.to - 16.0), Look::axis(HPos::Left));
+    sheet.text(titles[0], ((x.from + x.to) / 2.0, y.from + 32.0), Look::axis(Align::Center));
+    sheet.text(titles[1], (x.from - 44.0, y.to - 16.0), Look::axis(Align::Left));
 }
 
 /// The place of a point.

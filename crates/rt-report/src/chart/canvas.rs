@@ -13,6 +13,7 @@ pub(super) type Rgb = [u8; 3];
 pub(super) enum Align {
     Left,
     Center,
+    Right,
 }
 
 /// A picture in memory, with the origin at the upper left.
@@ -119,6 +120,7 @@ impl Canvas {
         let left = match align {
             Align::Left => x as f32,
             Align::Center => x as f32 - self.text_width(text, size) / 2.0,
+            Align::Right => x as f32 - self.text_width(text, size),
         };
         self.text_at(text, left, y as f32, size, color);
     }

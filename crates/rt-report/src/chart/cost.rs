@@ -166,7 +166,9 @@ impl CostMap {
         let canvas_width = 3 * MARGIN + 2 * slot;
         let mut canvas = Canvas::new(canvas_width, TITLES + height + LEGEND, PAPER)?;
         canvas.text("Cost per primary ray (estimate scaled to the measured total)", MARGIN, 32, 21.0, Align::Left, INK);
-        let panels: [(&str, &[(f32, u32)], fn(&Cell) -> Mean); 2] =
+        // Name, costs of the tasks, and what a cell shows.
+        type Panel<'a> = (&'a str, &'a [(f32, u32)], fn(&Cell) -> Mean);
+        let panels: [Panel<'_>; 2] =
             [("estimated", &self.estimated, |cell| cell.estimated), ("measured", &self.measured, |cell| cell.measured)];
         for (index, (name, costs, mean)) in panels.into_iter().enumerate() {
             let left = MARGIN + index as u32 * (slot + MARGIN);
@@ -322,7 +324,7 @@ mod tests {
     #[test]
     fn waves_together_make_the_map_of_the_whole() {
         let size = [90, 50];
-        let pixels: Vec<u32> = (0..4500).map(|i| i % 90 | (i / 90) << 16).collect();
+        let pixels: Vec<u32> = (0..4500).map(|i| (i % 90) | ((i / 90) << 16)).collect();
         let tasks: Vec<Task> = (0..45).map(|i| Task { first: 100 * i, rays: 100 }).collect();
         let seconds: Vec<f64> = (0..45).map(|i| f64::from(i) * 1e-6).collect();
         let mut whole = CostMap::new(size, 1);
@@ -364,7 +366,7 @@ mod tests {
         for (width, height) in [(1, 1), (3, 2), (1, 2000), (2000, 1), (900, 30)] {
             for value in [0.0, 5.0, 1e9, f64::NAN, f64::INFINITY, -1.0] {
                 let mut map = CostMap::new([width, height], 1);
-                let pixels: Vec<u32> = (0..width * height).map(|i| i % width | (i / width) << 16).collect();
+                let pixels: Vec<u32> = (0..width * height).map(|i| (i % width) | ((i / width) << 16)).collect();
                 map.add_wave(&pixels, &[Task { first: 0, rays: width * height }], &[value], &[value]);
                 map.write_png(&path).unwrap();
             }

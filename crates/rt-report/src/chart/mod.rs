@@ -22,6 +22,7 @@ mod samples;
 mod scale;
 pub mod scatter;
 mod sheet;
+mod svg;
 pub mod timeline;
 pub mod trace;
 

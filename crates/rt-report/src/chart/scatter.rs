@@ -42,7 +42,7 @@ pub fn to_svg(panels: &[Panel]) -> Result<String> {
         let left = MARGIN + (index % COLUMNS) as f64 * (width + GUTTER);
         panel.draw(&mut sheet, left, MARGIN / 2.0 + (index / COLUMNS) as f64 * PANEL);
     }
-    sheet.to_svg()
+    Ok(sheet.to_svg())
 }
 
 impl Panel {

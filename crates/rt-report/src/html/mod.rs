@@ -146,8 +146,8 @@ impl Page {
     }
 }
 
-/// Text as it stands in HTML, in attributes too.
-fn escaped(text: &str) -> String {
+/// Text as it stands in HTML and SVG, in attributes too.
+pub(crate) fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
         match c {

@@ -68,7 +68,7 @@ impl Rendered<'_> {
 
         page.section("Timeline");
         page.chart(
-            &timeline::draw(self.runs)?,
+            &timeline::draw(self.runs),
             "Timeline: what every device did when, one panel for each stream",
             "Estimation, launches and pauses of every device. trace.json has the same to zoom into.",
         );

@@ -96,7 +96,7 @@ impl PathStream {
     /// What is asked of each ray, with this precision and without counts.
     #[must_use]
     pub const fn spec(&self, precision: Precision) -> StreamSpec {
-        StreamSpec { query: self.query, precision, counts: false }
+        StreamSpec::new(self.query, precision, false)
     }
 
     /// How often the paths have been scattered where these rays hit something.

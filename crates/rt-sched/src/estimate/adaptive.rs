@@ -79,7 +79,7 @@ impl Default for Adaptive {
 impl Open {
     /// The rays by which the samples grow to `wanted` of each task.
     fn take(&mut self, stream: RayStream<'_>, wanted: Vec<u32>) -> Vec<u32> {
-        let sampler = RaySampler::for_kind(stream.kind);
+        let sampler = RaySampler::for_stream(&stream);
         self.taken.resize(wanted.len(), 0);
         let mut rays = Vec::new();
         for ((task, old), new) in stream.tasks.iter().zip(&self.taken).zip(&wanted) {
@@ -111,7 +111,7 @@ impl Open {
     /// How many samples of each task there should be; `None` when those there are suffice.
     fn wanted(&self, stream: RayStream<'_>, price: Price) -> Option<Vec<u32>> {
         let devices = f64::from(stream.devices.max(1));
-        let sampler = RaySampler::for_kind(stream.kind);
+        let sampler = RaySampler::for_stream(&stream);
         let pool = Pool::new(&self.counts);
         let mut at = 0;
         // Rays times standard deviation; and the variance of the estimates as they are.
@@ -162,7 +162,7 @@ impl CostEstimator for Adaptive {
         let Some(mut open) = self.open.take().filter(answers) else { return self.begin(stream) };
         open.add(seen);
         if open.rounds <= MORE_ROUNDS
-            && let Some(wanted) = open.wanted(stream, self.prices.of(stream.kind))
+            && let Some(wanted) = open.wanted(stream, self.prices.of(&stream))
         {
             let rays = open.take(stream, wanted);
             if !rays.is_empty() {

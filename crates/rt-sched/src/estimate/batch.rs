@@ -21,7 +21,7 @@ impl Asked {
         blocks: impl Iterator<Item = Task>,
         fraction: Fraction,
     ) -> Vec<u32> {
-        let sampler = RaySampler::for_kind(stream.kind);
+        let sampler = RaySampler::for_stream(&stream);
         let mut rays = Vec::with_capacity(fraction.of(stream.rays()) as usize + stream.tasks.len());
         blocks.for_each(|block| {
             sampler.sample(block, fraction, stream.seed, &mut rays);
@@ -72,7 +72,7 @@ impl<'a> Batch<'a> {
     /// rays know their own tasks too well for that ([`super::Sampled`] has figures).
     pub(super) fn extrapolated(&self) -> Vec<Work> {
         let unlike = Divergence::of(self.seen.counts);
-        let work = match RaySampler::for_kind(self.stream.kind) {
+        let work = match RaySampler::for_stream(&self.stream) {
             RaySampler::Strided => self.scaled_up(),
             RaySampler::Random => self.shrunk(),
         };

@@ -108,7 +108,7 @@ impl Fields {
     /// The work of each task, after learning from the samples. Without the rays themselves, plain extrapolation.
     pub(super) fn estimate(&mut self, batch: &Batch<'_>) -> Vec<Work> {
         let Some(source) = batch.stream.source else { return batch.extrapolated() };
-        if batch.stream.kind.is_coherent() && batch.reaches_all() {
+        if batch.stream.is_coherent() && batch.reaches_all() {
             return batch.extrapolated();
         }
         let class = Class::of(batch.stream.kind);
@@ -193,7 +193,7 @@ impl CostField {
         spread: Option<Spread>,
         lookups: u32,
     ) -> Work {
-        let coherent = stream.kind.is_coherent();
+        let coherent = stream.is_coherent();
         let count = (task.rays / RAYS_PER_LOOKUP).min(lookups).max(LEAST_LOOKUPS).min(task.rays);
         let start = u64::from(random::below(task.rays, stream.seed, task.first, LOOKUP_DIMENSION));
         let place = |i: u32| task.first + ((u64::from(i) * u64::from(task.rays) + start) / u64::from(count)) as u32;
@@ -239,7 +239,7 @@ impl CostField {
 
     /// Adds the samples to the map, level by level: each learns what those above it leave unexplained.
     fn learn(&mut self, batch: &Batch<'_>, source: &RaySource) -> Learned {
-        let coherent = batch.stream.kind.is_coherent();
+        let coherent = batch.stream.is_coherent();
         let headings: Vec<Heading> =
             batch.seen.rays.iter().map(|&ray| Heading::of(&source.ray(ray).0, coherent)).collect();
         match &mut self.cells {

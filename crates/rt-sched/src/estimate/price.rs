@@ -1,12 +1,13 @@
 //! What an estimate costs, learned stream by stream.
 
 use alloc::vec::Vec;
-use rt_core::{StreamKind, StreamRecord};
+use rt_core::{RayStream, StreamKind, StreamRecord};
 
 /// What walking samples costs, for each kind of stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct WalkPrices {
-    known: Vec<(StreamKind, Price)>,
+    /// By kind, and whether the stream is coherent.
+    known: Vec<((StreamKind, bool), Price)>,
 }
 
 /// Who reads samples on the host.
@@ -57,16 +58,18 @@ const BELIEVABLE: (f64, f64) = (0.1, 10.0);
 impl WalkPrices {
     /// The price for a kind; before anything was measured, that of rays that share little with their neighbours: 2.2 to
     /// 3.3 times a traced ray where rays are coherent, some 1.6 elsewhere (docs/results/sampling.md).
-    pub(super) fn of(&self, kind: StreamKind) -> Price {
-        let assumed = Price { ray: if kind.is_coherent() { 3.0 } else { 1.5 }, host: ASSUMED_HOST };
+    pub(super) fn of(&self, stream: &RayStream<'_>) -> Price {
+        let assumed = Price { ray: if stream.is_coherent() { 3.0 } else { 1.5 }, host: ASSUMED_HOST };
+        let kind = (stream.kind, stream.is_coherent());
         self.known.iter().find(|(own, _)| *own == kind).map_or(assumed, |(_, price)| *price)
     }
 
     pub(super) fn learn(&mut self, record: &StreamRecord<'_>, reader: Reader) {
         let (Some(ray), Some(host)) = (record.walk_price(), record.host_price()) else { return };
         let ray = ray.clamp(BELIEVABLE.0, BELIEVABLE.1);
+        let kind = (record.stream.kind, record.stream.is_coherent());
         let host = (host / f64::from(record.stream.devices.max(1))).min(BELIEVABLE.1);
-        match self.known.iter_mut().find(|(own, _)| *own == record.stream.kind) {
+        match self.known.iter_mut().find(|(own, _)| *own == kind) {
             Some((_, old)) => {
                 old.ray += NEWEST * (ray - old.ray);
                 let old = &mut old.host[reader as usize];
@@ -75,7 +78,7 @@ impl WalkPrices {
             None => {
                 let mut price = Price { ray, host: ASSUMED_HOST };
                 price.host[reader as usize] = host;
-                self.known.push((record.stream.kind, price));
+                self.known.push((kind, price));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::batch::{Asked, Batch, freedom};
 use crate::sample::Fraction;
-use rt_core::{CostEstimator, Observation, RayStream, ReducedWalk, Step, Walk, Work};
+use rt_core::{CostEstimator, CountsToken, Observation, RayStream, ReducedWalk, Step, Walk, Work};
 
 /// Walks a fraction of each task's rays and scales their counts to all of them.
 ///
@@ -54,6 +54,17 @@ impl CostEstimator for Sampled {
             Walk::Reduced(ReducedWalk::LeafPlane) => "reduced-plane",
             Walk::Reduced(ReducedWalk::Truncated) => "reduced-truncated",
         }
+    }
+
+    fn counts(&self) -> CountsToken {
+        let variant = match self.walk {
+            Walk::Full => 0,
+            Walk::Reduced(ReducedWalk::LeafAsHit) => 1,
+            Walk::Reduced(ReducedWalk::Unshortened) => 2,
+            Walk::Reduced(ReducedWalk::LeafPlane) => 3,
+            Walk::Reduced(ReducedWalk::Truncated) => 4,
+        };
+        CountsToken::of::<Self>(variant)
     }
 
     fn walk(&self) -> Option<Walk> {

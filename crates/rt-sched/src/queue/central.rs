@@ -3,6 +3,7 @@
 use super::atomics::{AtomicU32, Ordering};
 use super::ledger::Ledger;
 use super::{Pop, TaskQueue};
+use crate::Schedule;
 use crate::policy::{dearest_first, mean_model, seconds};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -25,11 +26,17 @@ impl CentralQueue {
     pub fn new(work: &[Work], devices: &[CostModel]) -> Self {
         let mean = mean_model(devices);
         let ranking = dearest_first(work.iter().map(|w| seconds(&mean, &w.parts())));
-        Self {
-            order: ranking.order.into_iter().map(|ranked| ranked.task()).collect(),
-            next: AtomicU32::new(0),
-            ledger: Ledger::new(work.len(), devices.len()),
-        }
+        Self::with_order(ranking.order.into_iter().map(|ranked| ranked.task()).collect(), devices.len())
+    }
+
+    /// A queue of the tasks of `schedule`, one list after the other, for so many `devices`.
+    #[must_use]
+    pub fn in_order(schedule: &Schedule, devices: usize) -> Self {
+        Self::with_order(schedule.lists().iter().flatten().copied().collect(), devices)
+    }
+
+    fn with_order(order: Box<[TaskId]>, devices: usize) -> Self {
+        Self { next: AtomicU32::new(0), ledger: Ledger::new(order.len(), devices), order }
     }
 }
 

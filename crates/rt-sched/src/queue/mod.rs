@@ -25,6 +25,7 @@ mod hybrid;
 #[cfg(all(test, loom))]
 mod interleavings;
 mod ledger;
+mod maker;
 mod slots;
 #[cfg(all(test, not(loom)))]
 mod tests;
@@ -32,6 +33,7 @@ mod tests;
 pub use central::CentralQueue;
 pub use fixed::StaticQueue;
 pub use hybrid::HybridQueue;
+pub use maker::{Dealt, Needs, QueueKind, QueueMaker};
 
 use alloc::vec::Vec;
 use core::fmt::Debug;

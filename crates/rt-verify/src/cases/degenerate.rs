@@ -60,9 +60,30 @@ fn without_area(trial: &Trial<'_>) -> Row {
 pub(super) fn ties(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped> {
     trial.advance(0.0)?;
     rows.push(coplanar(trial));
-    trial.advance(0.5)?;
+    trial.advance(0.3)?;
     rows.push(duplicates(trial));
+    trial.advance(0.6)?;
+    rows.push(lattice(trial));
     Ok(())
+}
+
+/// Triangles and rays of small whole numbers: rays run along edges, through corners and in planes, and many hits are exactly as
+/// near. The lowest id of the nearest wins, whatever the others' rounding.
+fn lattice(trial: &Trial<'_>) -> Row {
+    let options = trial.options();
+    let mut tally = Tally::new(TIES, "whole numbers", Promise::Ties);
+    let triangles = shapes::lattice(60, options.seed);
+    let ray = |i: u32| {
+        let whole =
+            |dimension| Vec3::from(random::pcg3d([options.seed, i, dimension]).map(|bits| (bits % 13) as f32 - 6.0));
+        let (origin, target) = (whole(30), whole(31));
+        (Ray::new(origin, if target == origin { Vec3::X } else { target - origin }), u32::MAX)
+    };
+    let rays = (0..options.sample()).map(ray).collect();
+    if let Some(exam) = built(Exam::with_rays("whole numbers".to_owned(), triangles, rays, options), &mut tally) {
+        judge_nearest(trial, &exam, &mut tally);
+    }
+    tally.row()
 }
 
 /// The cells of the plane that ties are made on, along each side.

@@ -1,13 +1,14 @@
 //! Meshes that nobody meant: random bits, indices that lead nowhere, vertices that are not numbers.
 
 use crate::Promise;
+use crate::reference::{Reference, Verdict};
 use crate::report::Row;
 use crate::suite::Stopped;
 use crate::tally::Tally;
 use crate::trial::{Refusal, Trial};
 use glam::Vec3;
 use rt_bvh::{BuildError, BuildOptions, Built, InvalidTriangles, Mesh};
-use rt_core::{Hit, MAX_DEPTH, Query, Ray, random};
+use rt_core::{Hit, MAX_DEPTH, Query, Ray, Triangle, random};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, channel};
@@ -147,9 +148,11 @@ fn one(trial: &Trial<'_>, kind: Kind, number: u32, refused: &mut u32) -> Option<
         Outcome::Built(_) => {}
     }
     // On request they are left out; the rest is traced.
+    let triangles = in_range.then(|| indices.iter().map(|corners| corners.map(|i| positions[i as usize])));
+    let triangles: Vec<Triangle> = triangles.into_iter().flatten().map(|[a, b, c]| Triangle::new(a, b, c)).collect();
     match build(positions, indices, options(InvalidTriangles::Drop)) {
         Outcome::Built(built) if built.scene.depth() > MAX_DEPTH => Some(format!("depth {}", built.scene.depth())),
-        Outcome::Built(built) if number.is_multiple_of(TRACED) => trace(trial, kind, number, *built),
+        Outcome::Built(built) if number.is_multiple_of(TRACED) => trace(trial, kind, number, *built, &triangles),
         Outcome::Built(_) => None,
         Outcome::Refused(_) if !in_range => None,
         Outcome::Refused(error) => Some(format!("refused, though triangles may be dropped: {error}")),
@@ -158,17 +161,24 @@ fn one(trial: &Trial<'_>, kind: Kind, number: u32, refused: &mut u32) -> Option<
     }
 }
 
-/// Rays of the same garbage: each answer must be a miss, or a hit within the ray's limits on a triangle that exists.
-fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built) -> Option<String> {
+/// Rays of the same garbage, some of them at triangles. Each answer must be the right one; of tracers that do not promise that, a
+/// miss, or a hit within the ray's limits on a triangle that exists.
+fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built, triangles: &[Triangle]) -> Option<String> {
     let seed = word(trial.options().seed, number, 97);
     let rays: Vec<(Ray, u32)> = (0..RAYS)
         .map(|i| {
             let number = |dimension| coordinate(kind, seed, i, dimension);
             let origin = Vec3::new(number(0), number(1), number(2));
-            let ray = Ray::new(origin, Vec3::new(number(3), number(4), number(5)));
+            let mut ray = Ray::new(origin, Vec3::new(number(3), number(4), number(5)));
+            if i & 6 == 0
+                && let Some(triangle) = triangles.get(word(seed, i, 8) as usize % triangles.len().max(1))
+            {
+                ray.direction = triangle.a * 0.25 + triangle.b * 0.5 + triangle.c * 0.25 - origin;
+            }
             (if i & 1 == 0 { ray } else { ray.with_range(number(6), number(7)) }, u32::MAX)
         })
         .collect();
+    let verdicts = if trial.exact { Reference::new(triangles).resolve_all(&rays) } else { Vec::new() };
     let count = built.scene.primitive_count();
     let scene = built.scene;
     for query in [Query::Closest, Query::Any] {
@@ -187,6 +197,14 @@ fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built) -> Option<Str
         };
         if let Some((hit, (ray, _))) = hits.iter().zip(&rays).find(|(hit, (ray, _))| !sane(hit, ray)) {
             return Some(format!("{query:?}: {ray:?}: {hit:?}"));
+        }
+        let right = |hit: &Hit, verdict: &Verdict| match query {
+            Query::Closest => verdict.is_right(hit),
+            Query::Any => verdict.right().is_some() == hit.is_hit(),
+        };
+        let judged = hits.iter().zip(&verdicts).zip(&rays);
+        if let Some(((hit, verdict), (ray, _))) = judged.into_iter().find(|((hit, verdict), _)| !right(hit, verdict)) {
+            return Some(format!("{query:?}: {ray:?}: {hit:?}, but {verdict}"));
         }
     }
     None

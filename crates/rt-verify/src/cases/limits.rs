@@ -1,7 +1,7 @@
 //! Rays at the ends: of what is valid, of the number format, and of `tmin` and `tmax`.
 
 use super::{built, judge_nearest};
-use crate::rays::RayMaker;
+use crate::rays::{Aim, RayMaker};
 use crate::report::Row;
 use crate::suite::{Exam, Stopped};
 use crate::tally::Tally;
@@ -89,6 +89,8 @@ pub(super) fn ends(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped
     limits(trial, &mut ahead, false);
     limits(trial, &mut behind, true);
     rows.extend([ahead.row(), behind.row()]);
+    trial.advance(0.3)?;
+    rows.push(at_zero(trial));
     trial.advance(0.5)?;
     rows.extend(subnormal(trial));
     Ok(())
@@ -162,6 +164,33 @@ fn limits(trial: &Trial<'_>, tally: &mut Tally, behind: bool) {
             Err(refusal) => tally.refuse(&refusal, rays.len()),
         }
     }
+}
+
+/// Origins exactly on triangles, in them, on their edges and at their corners: with `tmin` at 0 they are hit at 0, and beyond that
+/// not. Coordinates are few bits each, so that single precision can say such origins.
+fn at_zero(trial: &Trial<'_>) -> Row {
+    let options = trial.options();
+    let mut tally = Tally::new(LIMITS, "origins on triangles", Promise::Agreement);
+    let triangles = shapes::lattice(40, options.seed);
+    let maker = RayMaker::new(&triangles, options.seed);
+    let ray = |i: u32| {
+        let [a, b, c] = triangles[i as usize % triangles.len()].vertices();
+        // Multiples of 1/8 of small whole numbers: exact.
+        let weights =
+            [[2, 3, 3], [4, 0, 4], [8, 0, 0], [1, 1, 6]][i as usize / triangles.len() % 4].map(|w| w as f32 / 8.0);
+        let origin = a * weights[0] + b * weights[1] + c * weights[2];
+        let ray = Ray::new(origin, maker.ray(Aim::Diffuse, i).0.direction);
+        let least = f32::from_bits(1);
+        let limits = [[0.0, f32::INFINITY], [-0.0, 0.0], [least, f32::INFINITY], [f32::NEG_INFINITY, 0.0]];
+        let [tmin, tmax] = limits[i as usize / 7 % 4];
+        (ray.with_range(tmin, tmax), u32::MAX)
+    };
+    let rays = (0..options.sample()).map(ray).collect();
+    if let Some(exam) = built(Exam::with_rays("whole numbers".to_owned(), triangles.clone(), rays, options), &mut tally)
+    {
+        judge_nearest(trial, &exam, &mut tally);
+    }
+    tally.row()
 }
 
 /// Subnormal directions and subnormal scenes: hits are the reference's.

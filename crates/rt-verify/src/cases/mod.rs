@@ -8,6 +8,7 @@ mod degenerate;
 mod garbage;
 mod layout;
 mod limits;
+mod magnitudes;
 mod many;
 mod scale;
 mod spawn;
@@ -32,13 +33,14 @@ pub(crate) struct Case {
 }
 
 /// Every case, in the order in which they run.
-pub(crate) const ALL: [Case; 15] = [
+pub(crate) const ALL: [Case; 16] = [
     Case { name: watertight::SOLIDS, weight: 20.0, run: watertight::solids },
     Case { name: watertight::PARTS, weight: 4.0, run: watertight::parts },
     Case { name: agreement::NAME, weight: 6.0, run: agreement::run },
     Case { name: scale::SWEEP, weight: 2.0, run: scale::sweep },
     Case { name: scale::POWERS, weight: 1.0, run: scale::powers_of_two },
     Case { name: scale::LENGTHS, weight: 1.0, run: scale::direction_lengths },
+    Case { name: magnitudes::NAME, weight: 1.0, run: magnitudes::run },
     Case { name: degenerate::THIN, weight: 1.0, run: degenerate::thin },
     Case { name: degenerate::TIES, weight: 1.0, run: degenerate::ties },
     Case { name: limits::INVALID, weight: 1.0, run: limits::invalid },

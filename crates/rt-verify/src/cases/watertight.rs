@@ -5,10 +5,10 @@ use crate::report::Row;
 use crate::suite::Stopped;
 use crate::tally::Tally;
 use crate::trial::{Refusal, Session, Trial};
-use crate::{Promise, tree};
+use crate::{Promise, shapes, tree};
 use glam::Vec3;
 use rayon::prelude::*;
-use rt_core::{Query, Triangle};
+use rt_core::{Query, Ray, Triangle, random};
 
 pub(super) const SOLIDS: &str = "watertight";
 pub(super) const PARTS: &str = "closed parts";
@@ -81,7 +81,35 @@ pub(super) fn solids(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopp
             rows.push(tally.row());
         }
     }
+    rows.push(junctions(trial));
     Ok(())
+}
+
+/// A cube whose faces are cut unlike each other, so that vertices of one lie on edges of the next: rays from inside at those.
+fn junctions(trial: &Trial<'_>) -> Row {
+    let options = trial.options();
+    let mut tally = Tally::new(SOLIDS, "vertices on edges", Promise::Watertight);
+    let ray = |i: u32| {
+        let unit = |dimension| Vec3::from(random::pcg3d([options.seed, i, dimension]).map(random::unit));
+        let from = unit(40) - 0.5;
+        // A point of one of the cube's twelve edges, a vertex of the finest face's there, or any point beside one.
+        let steps = random::pcg3d([options.seed, i, 41]);
+        let axis = i as usize % 3;
+        let mut at = Vec3::ZERO;
+        at[axis] = if i.is_multiple_of(2) { (steps[0] % 9) as f32 / 4.0 - 1.0 } else { 2.0 * unit(42).x - 1.0 };
+        at[(axis + 1) % 3] = if steps[1].is_multiple_of(2) { 1.0 } else { -1.0 };
+        at[(axis + 2) % 3] = if steps[2].is_multiple_of(2) { 1.0 } else { -1.0 };
+        (Ray::new(from, at - from), u32::MAX)
+    };
+    let rays: Vec<_> = (0..options.rays() / 4).map(ray).collect();
+    let scene = tree::build(&shapes::junctions(), options.builder).map_err(Refusal::Broken);
+    match scene.and_then(|scene| trial.trace(&scene, &rays, Query::Closest)) {
+        Ok(hits) => hits.iter().zip(&rays).for_each(|(hit, (ray, _))| {
+            tally.check(hit.is_hit(), || format!("{ray:?} gets out of a cube"));
+        }),
+        Err(refusal) => tally.refuse(&refusal, rays.len()),
+    }
+    tally.row()
 }
 
 /// A line for each scene, over its largest closed parts and all targets.

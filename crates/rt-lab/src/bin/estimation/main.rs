@@ -32,6 +32,7 @@ use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
 use rt_scene::streams::Wave;
 use serde_json::{Value, json};
 use std::error::Error;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use truth::Truth;
@@ -44,7 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut results = Vec::new();
     println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let devices = CpuDevice::open_all(&[1])?;
         let device = devices.first().ok_or("no CPU device")?;
         for &kind in &options.kinds {

@@ -6,8 +6,8 @@ use super::truth::Truth;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
 use rt_balance::replay::{Observed, Queue, Replay};
 use rt_core::{
-    CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step, StreamKind,
-    StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
+    Coherence, CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step,
+    StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
 use rt_lab::contenders::MACHINES;
 use rt_sched::calibrate::cross_predicted;
@@ -66,9 +66,9 @@ fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len(
     MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: LAUNCH_S };
         let total = if walked.knows {
-            replay.cost_initialised(Queue::Hybrid, &seen).0
+            replay.cost_initialised(Queue::HYBRID, &seen).0
         } else {
-            replay.regular(Queue::Hybrid, &rays)
+            replay.regular(Queue::HYBRID, &rays)
         };
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     })
@@ -144,7 +144,16 @@ impl Case {
         let mut launch = Launch::default();
         let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
         result?;
-        let stream = RayStream { kind, tasks, seed, part: 0, source: Some(source), devices: 2, blind_excess: 1.0 };
+        let stream = RayStream {
+            kind,
+            coherence: Coherence::Unknown,
+            tasks,
+            seed,
+            part: 0,
+            source: Some(source),
+            devices: 2,
+            blind_excess: 1.0,
+        };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;
         let (result, remaining) = timed(|| trace(tracer, tasks, walked.mask.as_ref(), &mut launch));

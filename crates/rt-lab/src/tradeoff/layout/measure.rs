@@ -14,6 +14,7 @@ use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
 use rt_scene::prepare::Prepared;
 use rt_verify::clock;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -71,8 +72,8 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, name: &str, stretch: &Stretch<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(name)?;
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
+    let prepared = (setting.lab.scenes)(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -148,7 +149,7 @@ fn trace(
     round: u32,
     precision: Precision,
 ) -> Result<()> {
-    let spec = StreamSpec { query: kind.query, precision, counts: false };
+    let spec = StreamSpec::new(kind.query, precision, false);
     let mut hits = [(); 2].map(|()| Vec::new());
     for turn in 0..LAYOUTS.len() {
         lab.go_on()?;
@@ -178,7 +179,7 @@ fn tests(prepared: &Prepared, wide: Option<&WideTree>, kind: &Kind) -> [f64; 2] 
     /// Rays that one core counts at a time.
     const CHUNK: u32 = 1 << 12;
     let scene = &prepared.built.scene;
-    let spec = StreamSpec { query: kind.query, precision: prepared.precision, counts: true };
+    let spec = StreamSpec::new(kind.query, prepared.precision, true);
     let rays = kind.source.len();
     let chunk = |chunk: u32| {
         let own = (chunk * CHUNK..rays.min((chunk + 1) * CHUNK)).map(|i| kind.source.ray(i));

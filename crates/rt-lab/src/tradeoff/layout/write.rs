@@ -34,15 +34,14 @@ pub(super) fn all(setting: &Setting<'_>, scenes: &[SceneRows], page: &mut Page) 
     page.table(&format!("Layouts{on}: medians, intervals in brackets"), &table);
     notes.iter().for_each(|note| page.paragraph(note));
     let words: Vec<String> = notes.iter().map(|note| format!("  {note}")).collect();
-    setting
-        .stretch
-        .print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{}", words.join("\n")));
     let head = &setting.head;
     let markdown =
         format!("`{}`\n\n{}\n\n{}\n{}\n", head.command, head.machine, table.to_markdown(), notes.join("\n\n"));
     setting.write("layout.md", &markdown)?;
     setting.write("layout.csv", &csv(setting.csv_head(), scenes))?;
-    setting.write_json("layout.json", &scenes)
+    setting.write_json("layout.json", &scenes)?;
+    let words = words.join("\n");
+    Ok(setting.stretch.print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{words}"))?)
 }
 
 /// How to read the tables, how sure the intervals are, and what cards have to say.

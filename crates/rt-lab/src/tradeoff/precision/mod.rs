@@ -10,6 +10,7 @@ use rt_balance::devices::{Opened, Opener};
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
 use rt_report::chart::precision::{self as chart, Front, Point};
+use rt_report::command_words;
 use rt_report::html::Page;
 use rt_report::output;
 use rt_report::table::percent;
@@ -81,7 +82,7 @@ pub(super) fn passes(_: &super::Options) -> f64 {
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Built-in scenes or OBJ files; none: [`DEFAULT_SCENES`].
-    pub scenes: Vec<String>,
+    pub scenes: Vec<PathBuf>,
     /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
     pub devices: String,
     /// Fewer rays and runs: a look, not a measurement.
@@ -123,7 +124,7 @@ impl Options {
 /// Measures and adds a section to the page.
 pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mut Page) -> Result<()> {
     stretch.label("precision");
-    let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(str::to_owned).to_vec() } else { args.scenes.clone() };
+    let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     let devices = Opener::new().open_in_turn(&args.devices).context("--devices")?;
     let (size, runs, sample) = args.effort();
     let (mut rows, mut builder) = (Vec::new(), "");
@@ -137,7 +138,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
     let report = Report {
         schema: SCHEMA,
         version: env!("CARGO_PKG_VERSION"),
-        command: std::env::args().skip(1).collect(),
+        command: command_words(),
         seed: args.seed,
         runs,
         size,
@@ -148,7 +149,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
     output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
     output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
     output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
-    let svg = chart::to_svg(&fronts(&report))?;
+    let svg = chart::to_svg(&fronts(&report));
     output::write_atomically(&args.out.join("precision.svg"), |file| Ok(file.write_all(svg.as_bytes())?))?;
     page.section("Speed against wrong answers");
     page.chart(
@@ -161,10 +162,9 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
     notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
-        stretch.print(&format!("\n{title}\n\n{table}"));
+        stretch.print(&format!("\n{title}\n\n{table}"))?;
     }
-    notes.iter().for_each(|note| stretch.print(&format!("  {note}")));
-    Ok(())
+    Ok(notes.iter().try_for_each(|note| stretch.print(&format!("  {note}")))?)
 }
 
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
@@ -255,7 +255,7 @@ impl Bench<'_> {
                 // Rotated, and every other round backwards: each precision follows each other one equally often.
                 let place = if round.is_multiple_of(2) { turn } else { PRECISIONS.len() - 1 - turn };
                 let which = (round / 2 + place) % PRECISIONS.len();
-                let spec = StreamSpec { query: kind.query, precision: PRECISIONS[which], counts: false };
+                let spec = StreamSpec::new(kind.query, PRECISIONS[which], false);
                 let launch = launch(tracer.as_mut(), &kind.source, spec).with_context(fails)?;
                 if round > 0 {
                     timed[which].seconds.push(launch.span.duration().as_secs_f64());

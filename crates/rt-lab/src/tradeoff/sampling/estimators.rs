@@ -1,6 +1,9 @@
 //! The estimators that are swept.
 
-use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, ReducedWalk, Step, StreamKind, StreamRecord, Walk};
+use rt_core::{
+    Coherence, CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, ReducedWalk, Step, StreamKind,
+    StreamRecord, Walk,
+};
 use rt_sched::estimate::{Adaptive, Auto, Field, Sampled};
 use rt_sched::sample::{Fraction, RaySampler};
 
@@ -113,7 +116,7 @@ impl SampledAs {
             RaySampler::Strided => StreamKind::Primary,
             RaySampler::Random => StreamKind::Custom,
         };
-        RayStream { kind, ..stream }
+        RayStream { kind, coherence: Coherence::Unknown, ..stream }
     }
 }
 
@@ -124,6 +127,10 @@ impl CostEstimator for SampledAs {
 
     fn chosen(&self) -> &'static str {
         self.inner.chosen()
+    }
+
+    fn counts(&self) -> CountsToken {
+        self.inner.counts()
     }
 
     fn walk(&self) -> Option<Walk> {
@@ -158,8 +165,16 @@ mod tests {
         let tasks = tasks_of(1024, 1024);
         // Whether there is one ray in each of the stretches of 64.
         let is_spread = |kind: &Kind, of: StreamKind| {
-            let stream =
-                RayStream { kind: of, tasks: &tasks, seed: 1, part: 0, source: None, devices: 1, blind_excess: 1.0 };
+            let stream = RayStream {
+                kind: of,
+                coherence: Coherence::Unknown,
+                tasks: &tasks,
+                seed: 1,
+                part: 0,
+                source: None,
+                devices: 1,
+                blind_excess: 1.0,
+            };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),
                 Step::Done(_) => false,

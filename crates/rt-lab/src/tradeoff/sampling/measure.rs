@@ -15,6 +15,7 @@ use rt_sched::estimate::Uniform;
 use rt_sched::metrics;
 use rt_sched::sample::Fraction;
 use serde::Serialize;
+use std::path::Path;
 use std::sync::Arc;
 
 /// What is measured of a setting in each round; all are shares without a unit.
@@ -114,7 +115,7 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &str, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
         let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
@@ -256,7 +257,7 @@ fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.le
     let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
     REGULAR.map(|regular| {
         let policy = regular.policy();
-        let queue = policy.as_deref().map_or(Queue::Hybrid, Queue::Static);
+        let queue = Queue::new(&regular.queue, policy.as_deref());
         MACHINES.map(|(_, speeds)| {
             let replay = Replay { speeds, task_s, launch_s };
             metrics::excess(replay.regular(queue, &rays), replay.lower_bound()).unwrap_or(f64::NAN)
@@ -271,7 +272,7 @@ fn sample(tried: &StreamRun, plain: &StreamRun, task_s: &[f64]) -> Sample {
     let seen = Observed::of(tried);
     let excess = MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: seen.launch_s };
-        let (total, _) = replay.cost_initialised(Queue::Hybrid, &seen);
+        let (total, _) = replay.cost_initialised(Queue::HYBRID, &seen);
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     });
     let estimate = &tried.report.estimate;

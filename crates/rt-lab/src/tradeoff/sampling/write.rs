@@ -46,8 +46,6 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page:
     });
     left_out.iter().for_each(|text| page.paragraph(text));
     page.folded_table("Every setting, medians in percent", &sweep);
-    setting.stretch.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"));
-    left_out.iter().for_each(|text| setting.stretch.print(&format!("  {text}")));
     let command = &setting.head.command;
     let markdown = format!(
         "`{command}`\n\n{}\n\n## The paper's numbers beside ours, in percent\n\n{}\n{NOTES} {}\n\n## Every setting, medians in \
@@ -59,7 +57,9 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page:
     );
     setting.write("sampling.md", &markdown)?;
     setting.write("sampling.csv", &csv(setting, cells))?;
-    setting.write_json("sampling.json", &cells)
+    setting.write_json("sampling.json", &cells)?;
+    setting.stretch.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"))?;
+    Ok(left_out.iter().try_for_each(|text| setting.stretch.print(&format!("  {text}")))?)
 }
 
 /// How to read the tables.

@@ -137,7 +137,7 @@ impl Auto {
 
     /// The same where `allowed`, a share of the trace, may be spent.
     fn fraction_within(&self, allowed: f64, stream: RayStream<'_>) -> Option<Fraction> {
-        let price = self.prices.of(stream.kind).of_sample(stream.devices, self.sampling_arm(stream).reader());
+        let price = self.prices.of(&stream).of_sample(stream.devices, self.sampling_arm(stream).reader());
         let worth = STAKE * stream.blind_excess / price;
         let of_task = f64::from(stream.rays()) / stream.tasks.len().max(1) as f64;
         if worth * of_task < LEAST_SAMPLES {
@@ -150,8 +150,8 @@ impl Auto {
     /// than half of what estimates are made from, and would tell nothing of those.
     fn trial_fraction(&self, stream: RayStream<'_>, part: &Part) -> Option<Fraction> {
         let usual = self.fraction_within(self.budget, stream)?.value();
-        let reader = if stream.source.is_some() && !stream.kind.is_coherent() { Reader::Map } else { Reader::Tasks };
-        let price = self.prices.of(stream.kind).of_sample(stream.devices, reader);
+        let reader = if stream.source.is_some() && !stream.is_coherent() { Reader::Map } else { Reader::Tasks };
+        let price = self.prices.of(&stream).of_sample(stream.devices, reader);
         let own = (self.allowed(stream) / (price * part.share_of(stream))).min(usual);
         if 2.0 * own < usual { None } else { Fraction::new(own.max(FRACTIONS.0)) }
     }
@@ -186,7 +186,7 @@ impl Auto {
             (Some(own), Some(map)) => map < own,
             _ => false,
         };
-        if stream.source.is_some() && !stream.kind.is_coherent() && map_is_better { Arm::Field } else { Arm::Exact }
+        if stream.source.is_some() && !stream.is_coherent() && map_is_better { Arm::Field } else { Arm::Exact }
     }
 
     /// Whether the past is to be believed: until it was found worse than samples are.
@@ -245,7 +245,7 @@ impl Auto {
         };
         let own = (arm == Arm::Exact || (part.is_some() && reaches_all)).then(|| all(batch.extrapolated()));
         // Of coherent rays the map knows no more than their tasks' own samples.
-        let differs = stream.source.is_some() && !(stream.kind.is_coherent() && reaches_all);
+        let differs = stream.source.is_some() && !(stream.is_coherent() && reaches_all);
         let map = match part {
             _ if arm == Arm::Field => Some(self.fields.estimate(&batch)),
             Some(part) if differs => {

@@ -137,7 +137,7 @@ fn mean_error(work: &[Work], measured: &[Measured]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rt_core::{StreamKind, tasks_of};
+    use rt_core::{Coherence, StreamKind, tasks_of};
 
     /// Mutants: no early return, which would give the part's tasks the estimates of the stream's first ones; one always, which
     /// would take the part's estimates for the first tasks'.
@@ -145,7 +145,16 @@ mod tests {
     fn an_estimate_of_a_part_is_its_tasks_and_one_of_all_stays() {
         let tasks = tasks_of(256 * 1_024, 1_024);
         let kind = StreamKind::Diffuse(0);
-        let stream = RayStream { kind, tasks: &tasks, seed: 3, part: 0, source: None, devices: 2, blind_excess: 1.0 };
+        let stream = RayStream {
+            kind,
+            coherence: Coherence::Unknown,
+            tasks: &tasks,
+            seed: 3,
+            part: 0,
+            source: None,
+            devices: 2,
+            blind_excess: 1.0,
+        };
         let part = Part::of(stream, Fraction::new(1.0 / 64.0).expect("valid"), true);
         assert!(part.is_less_than(stream) && !part.ids.is_empty());
         let cost = |task: TaskId| Work::new(1.0, task as f32 + 1.0, 0.0);

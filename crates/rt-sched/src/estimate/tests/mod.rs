@@ -10,11 +10,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 use proptest::prelude::*;
 use rt_core::{
-    CostModel, LaunchRecord, ReducedWalk, StreamKind, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
+    Coherence, CostModel, LaunchRecord, ReducedWalk, StreamKind, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, tasks, seed, part: 0, source: None, devices: 2, blind_excess: 1.0 }
+    RayStream { kind, coherence: Coherence::Unknown, tasks, seed, part: 0, source: None, devices: 2, blind_excess: 1.0 }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.

@@ -1,33 +1,32 @@
 //! Cases about streams, tasks and masks: results do not depend on how a stream is cut.
 
-use super::Case;
-use super::fixtures;
-use super::session::{Session, ensure, same_hits};
+use crate::Case;
+use crate::candidate::{Candidate, Capability};
+use crate::fixtures;
+use crate::session::{Session, ensure, same_hits};
 use glam::Vec3;
 use rt_core::bounce::{Aim, Departure, Scatter, Surfaces, basis};
 use rt_core::{
-    BounceRays, Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene,
+    BounceRays, Camera, CameraRays, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene,
     SceneParts, StreamSpec, Task, TestCounts, Walk, morton, random, tasks_of,
 };
 use std::sync::Arc;
 
-pub(super) const CASES: &[Case] = &[
-    Case { name: "any_split_gives_the_same_bits", run: any_split_gives_the_same_bits },
-    Case { name: "only_asked_tasks_come_back", run: only_asked_tasks_come_back },
-    Case { name: "masked_rays_are_left_out", run: masked_rays_are_left_out },
-    Case { name: "rays_can_be_replaced", run: rays_can_be_replaced },
-    Case { name: "camera_rays_equal_explicit_rays", run: camera_rays_equal_explicit_rays },
-    Case { name: "getting_ready_changes_nothing", run: getting_ready_changes_nothing },
-    Case { name: "bounce_rays_equal_explicit_rays", run: bounce_rays_equal_explicit_rays },
-    Case { name: "nothing_is_an_answer_to_nothing", run: nothing_is_an_answer_to_nothing },
+pub(crate) const CASES: &[Case] = &[
+    Case { name: "any_split_gives_the_same_bits", needs: &[], run: any_split_gives_the_same_bits },
+    Case { name: "only_asked_tasks_come_back", needs: &[], run: only_asked_tasks_come_back },
+    Case { name: "masked_rays_are_left_out", needs: &[], run: masked_rays_are_left_out },
+    Case { name: "rays_can_be_replaced", needs: &[], run: rays_can_be_replaced },
+    Case { name: "camera_rays_equal_explicit_rays", needs: &[], run: camera_rays_equal_explicit_rays },
+    Case { name: "getting_ready_changes_nothing", needs: &[], run: getting_ready_changes_nothing },
+    Case { name: "bounce_rays_equal_explicit_rays", needs: &[], run: bounce_rays_equal_explicit_rays },
+    Case { name: "nothing_is_an_answer_to_nothing", needs: &[], run: nothing_is_an_answer_to_nothing },
 ];
 
-const SPEC: StreamSpec = StreamSpec { query: Query::Closest, precision: Precision::Robust, counts: true };
-
-fn any_split_gives_the_same_bits(device: &dyn Device) -> Result<(), String> {
+fn any_split_gives_the_same_bits(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, SPEC)?;
+    session.load(&fixture.rays, device.spec())?;
     let rays = fixture.rays.len() as u32;
     let whole = session.trace(&session.all(), None)?;
     for (seed, task_size) in [(0, 1), (1, 7), (2, 64), (3, 100), (4, rays)] {
@@ -35,16 +34,15 @@ fn any_split_gives_the_same_bits(device: &dyn Device) -> Result<(), String> {
         // Some order, and launches of one to five tasks.
         tasks.sort_by_key(|task| random::pcg3d([task.first, seed, 0]));
         let mut hits = vec![Hit::MISS; rays as usize];
-        let mut counts = vec![TestCounts::default(); rays as usize];
+        let mut counts = vec![TestCounts::default(); whole.counts.len()];
         let mut open = &tasks[..];
         while !open.is_empty() {
             let (now, later) = open.split_at(open.len().min(1 + random::below(5, seed, open.len() as u32, 1) as usize));
             open = later;
             let launch = session.trace(now, None)?;
-            let indices = now.iter().flat_map(Task::range);
-            for (index, (hit, count)) in indices.zip(launch.hits.iter().zip(&launch.counts)) {
-                (hits[index as usize], counts[index as usize]) = (*hit, *count);
-            }
+            let indices = || now.iter().flat_map(Task::range).map(|index| index as usize);
+            indices().zip(&launch.hits).for_each(|(index, hit)| hits[index] = *hit);
+            indices().zip(&launch.counts).for_each(|(index, count)| counts[index] = *count);
         }
         same_hits(&format!("tasks of {task_size} rays"), &hits, &whole.hits)?;
         ensure!(counts == whole.counts, "tasks of {task_size} rays: other counts than in one launch");
@@ -52,10 +50,10 @@ fn any_split_gives_the_same_bits(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn only_asked_tasks_come_back(device: &dyn Device) -> Result<(), String> {
+fn only_asked_tasks_come_back(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, SPEC)?;
+    session.load(&fixture.rays, device.spec())?;
     let whole = session.trace(&session.all(), None)?;
     let slice = |task: &Task| whole.hits[task.first as usize..][..task.rays as usize].to_vec();
     // Out of order, with a gap, an empty one, and one named twice.
@@ -70,9 +68,9 @@ fn only_asked_tasks_come_back(device: &dyn Device) -> Result<(), String> {
 
 /// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a kernel
 /// that only gets ready writes where results go, or the loaded rays are lost.
-fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
+fn getting_ready_changes_nothing(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
-    let whole = Session::whole(device, &fixture.scene, &fixture.rays, SPEC)?;
+    let whole = Session::whole(device, &fixture.scene, &fixture.rays, device.spec())?;
     let walks = [
         None,
         Some(Walk::Full),
@@ -83,11 +81,11 @@ fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
     let mut session = Session::open(device, &fixture.scene)?;
     let prepare = |session: &mut Session| {
         for (walk, query) in walks.into_iter().flat_map(|walk| [(walk, Query::Closest), (walk, Query::Any)]) {
-            session.tracer().prepare(&other, StreamSpec { query, ..SPEC }, walk);
+            session.tracer().prepare(&other, StreamSpec { query, ..device.spec() }, walk);
         }
     };
     prepare(&mut session);
-    session.load(&fixture.rays, SPEC)?;
+    session.load(&fixture.rays, device.spec())?;
     prepare(&mut session);
     let found = session.trace(&session.all(), None)?;
     same_hits("after getting ready", &found.hits, &whole.hits)?;
@@ -95,10 +93,10 @@ fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn masked_rays_are_left_out(device: &dyn Device) -> Result<(), String> {
+fn masked_rays_are_left_out(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, SPEC)?;
+    session.load(&fixture.rays, device.spec())?;
     let rays = fixture.rays.len() as u32;
     let whole = session.trace(&session.all(), None)?;
     let tasks = [Task { first: 100, rays: 90 }, Task { first: 3, rays: 65 }];
@@ -120,17 +118,17 @@ fn masked_rays_are_left_out(device: &dyn Device) -> Result<(), String> {
     same_hits("short mask", &launch.hits, &whole.hits)
 }
 
-fn rays_can_be_replaced(device: &dyn Device) -> Result<(), String> {
+fn rays_can_be_replaced(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     let [few, many] = [&fixture.rays[..50], &fixture.rays[20..]];
     for (rays, spec) in [
-        (few, SPEC),
-        (many, SPEC),
-        (few, StreamSpec { counts: false, ..SPEC }),
-        (many, StreamSpec { query: Query::Any, ..SPEC }),
-        (&[][..], SPEC),
-        (few, SPEC),
+        (few, device.spec()),
+        (many, device.spec()),
+        (few, StreamSpec { counts: false, ..device.spec() }),
+        (many, StreamSpec { query: Query::Any, ..device.spec() }),
+        (&[][..], device.spec()),
+        (few, device.spec()),
     ] {
         session.load(rays, spec)?;
         let again = session.trace(&session.all(), None)?;
@@ -141,7 +139,7 @@ fn rays_can_be_replaced(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
+fn camera_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let camera = Camera::look_at(Vec3::new(0.3, 1.1, 1.7), Vec3::new(0.5, 0.1, 0.4), Vec3::Y, 55.0);
     let camera = camera.map_err(|e| e.to_string())?;
@@ -149,10 +147,10 @@ fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
         let pixels: Arc<[u32]> = morton::pixel_order(24, 16)[part].into();
         let made = Arc::new(CameraRays { camera, size: [24, 16], pixels, samples, seed: 5 });
         let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| (made.ray(i), u32::MAX)).collect();
-        let explicit = Session::whole(device, &fixture.scene, &rays, SPEC)?;
+        let explicit = Session::whole(device, &fixture.scene, &rays, device.spec())?;
         ensure!(explicit.hits.iter().any(Hit::is_hit), "the camera looks past the scene");
         let mut session = Session::open(device, &fixture.scene)?;
-        session.load_source(RaySource::Camera(made), SPEC)?;
+        session.load_source(RaySource::Camera(made), device.spec())?;
         for task_size in [u32::MAX, 100] {
             let launch = session.trace(&tasks_of(rays.len() as u32, task_size), None)?;
             same_hits(&format!("{samples} samples"), &launch.hits, &explicit.hits)?;
@@ -162,7 +160,7 @@ fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn bounce_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
+fn bounce_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String> {
     let mut hit = false;
     for name in ["terrain", "soup", "sphere", "plane", "needles", "mixed scales", "far away", "tiny", "huge"] {
         let fixture = fixtures::named(name)?;
@@ -180,10 +178,10 @@ fn bounce_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
             let scatter = Scatter { aim, seed: 4, samples: 3, first_group: 50, bounce: 1 };
             let made = BounceRays { surfaces: Arc::clone(&surfaces), departures: Arc::clone(&departures), scatter };
             let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| made.ray(i)).collect();
-            let explicit = Session::whole(device, &fixture.scene, &rays, SPEC)?;
+            let explicit = Session::whole(device, &fixture.scene, &rays, device.spec())?;
             hit |= explicit.hits.iter().any(Hit::is_hit);
             let mut session = Session::open(device, &fixture.scene)?;
-            session.load_source(RaySource::Bounce(Arc::new(made)), SPEC)?;
+            session.load_source(RaySource::Bounce(Arc::new(made)), device.spec())?;
             let launch = session.trace(&tasks_of(rays.len() as u32, 90), None)?;
             same_hits(name, &launch.hits, &explicit.hits)?;
             ensure!(launch.counts == explicit.counts, "{name}: other counts than for explicit rays");
@@ -193,13 +191,13 @@ fn bounce_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn nothing_is_an_answer_to_nothing(device: &dyn Device) -> Result<(), String> {
+fn nothing_is_an_answer_to_nothing(device: &Candidate<'_>) -> Result<(), String> {
     let parts = SceneParts { nodes: vec![Node::EMPTY], ..SceneParts::default() };
     let empty = Arc::new(Scene::new(parts).map_err(|e| e.to_string())?);
     let fixture = fixtures::plain()?;
     for query in [Query::Closest, Query::Any] {
         for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
-            let spec = StreamSpec { query, precision, counts: true };
+            let spec = StreamSpec { query, precision, ..device.spec() };
             let launch = Session::whole(device, &empty, &fixture.rays, spec)?;
             ensure!(launch.hits.iter().all(|h| *h == Hit::MISS), "{query:?}, {precision:?}: hits in an empty scene");
         }
@@ -208,11 +206,13 @@ fn nothing_is_an_answer_to_nothing(device: &dyn Device) -> Result<(), String> {
         let mut session = Session::open(device, scene)?;
         // Before any rays were loaded, with none, and with some.
         session.trace(&[], None)?;
-        session.load(&[], SPEC)?;
+        session.load(&[], device.spec())?;
         session.trace(&[], None)?;
         session.trace(&[Task { first: 0, rays: 0 }], None)?;
-        session.walk(&[], rt_core::Walk::Full)?;
-        session.load(&fixture.rays, SPEC)?;
+        if device.claims(Capability::FullWalks) {
+            session.walk(&[], Walk::Full)?;
+        }
+        session.load(&fixture.rays, device.spec())?;
         session.trace(&[], None)?;
         session.trace(&[Task { first: fixture.rays.len() as u32, rays: 0 }], None)?;
     }

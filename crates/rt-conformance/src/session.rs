@@ -1,18 +1,17 @@
 //! A tracer under test, its errors as messages, and checks that hold for every launch.
 
+use crate::candidate::Candidate;
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket,
-    Tracer, Walk, tasks_of,
+    DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer,
+    Walk, tasks_of,
 };
+use rt_verify::clock;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The clock that tracers under test are given.
-pub use rt_verify::clock;
-
 /// The longest any launch of the suite may take. They take milliseconds; a loaded machine may be a thousand times
 /// slower.
-pub(super) const LIMIT: Duration = Duration::from_secs(60);
+pub(crate) const LIMIT: Duration = Duration::from_secs(60);
 
 /// Returns an error with the message unless the condition holds.
 macro_rules! ensure {
@@ -23,24 +22,24 @@ macro_rules! ensure {
         }
     };
 }
-pub(super) use ensure;
+pub(crate) use ensure;
 
 /// A tracer and what was loaded.
-pub(super) struct Session {
+pub(crate) struct Session {
     tracer: Box<dyn Tracer>,
     rays: u32,
     spec: StreamSpec,
 }
 
 impl Session {
-    pub(super) fn open(device: &dyn Device, scene: &Arc<Scene>) -> Result<Self, String> {
-        let tracer = device.tracer(Arc::clone(scene), clock).map_err(|e| format!("tracer: {e}"))?;
+    pub(crate) fn open(device: &Candidate<'_>, scene: &Arc<Scene>) -> Result<Self, String> {
+        let tracer = device.device.tracer(Arc::clone(scene), clock).map_err(|e| format!("tracer: {e}"))?;
         Ok(Self { tracer, rays: 0, spec: StreamSpec::default() })
     }
 
     /// Opens a tracer, loads rays and traces them all as one task.
-    pub(super) fn whole(
-        device: &dyn Device,
+    pub(crate) fn whole(
+        device: &Candidate<'_>,
         scene: &Arc<Scene>,
         rays: &[(Ray, u32)],
         spec: StreamSpec,
@@ -50,19 +49,19 @@ impl Session {
         session.trace(&tasks_of(rays.len() as u32, u32::MAX), None)
     }
 
-    pub(super) fn load(&mut self, rays: &[(Ray, u32)], spec: StreamSpec) -> Result<(), String> {
+    pub(crate) fn load(&mut self, rays: &[(Ray, u32)], spec: StreamSpec) -> Result<(), String> {
         let (rays, origins): (Vec<Ray>, Vec<u32>) = rays.iter().copied().unzip();
         // Where no ray has an origin, devices are spared the list.
         let origins = origins.iter().any(|&o| o != u32::MAX).then(|| origins.into());
         self.load_source(RaySource::Explicit { rays: rays.into(), origins }, spec)
     }
 
-    pub(super) fn load_source(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), String> {
+    pub(crate) fn load_source(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), String> {
         (self.rays, self.spec) = (source.len(), spec);
         self.tracer.load_rays(source, spec).map_err(|e| format!("load_rays: {e}"))
     }
 
-    pub(super) fn trace(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Launch, String> {
+    pub(crate) fn trace(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Launch, String> {
         let before = clock();
         let ticket = self.submit(tasks, done)?;
         let launch = self.wait(ticket, tasks)?;
@@ -70,12 +69,12 @@ impl Session {
         Ok(launch)
     }
 
-    pub(super) fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, String> {
+    pub(crate) fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, String> {
         self.tracer.submit(tasks, done).map_err(|e| format!("submit: {e}"))
     }
 
     /// Waits into a buffer full of rubbish, which must not show in what comes back.
-    pub(super) fn wait(&mut self, ticket: Ticket, tasks: &[Task]) -> Result<Launch, String> {
+    pub(crate) fn wait(&mut self, ticket: Ticket, tasks: &[Task]) -> Result<Launch, String> {
         let rubbish = Hit { t: -1.0, u: 9.0, v: 9.0, primitive: 77 };
         let mut launch = Launch {
             hits: vec![rubbish; 3],
@@ -94,7 +93,7 @@ impl Session {
     }
 
     /// Walks `rays` and returns counts and hits.
-    pub(super) fn walk(&mut self, rays: &[u32], walk: Walk) -> Result<(Vec<TestCounts>, Vec<Hit>), String> {
+    pub(crate) fn walk(&mut self, rays: &[u32], walk: Walk) -> Result<(Vec<TestCounts>, Vec<Hit>), String> {
         let mut counts = vec![TestCounts::default(); rays.len()];
         let mut hits = vec![Hit::MISS; rays.len()];
         let before = clock();
@@ -104,16 +103,16 @@ impl Session {
     }
 
     /// The tracer itself, for calls that must fail.
-    pub(super) fn tracer(&mut self) -> &mut dyn Tracer {
+    pub(crate) fn tracer(&mut self) -> &mut dyn Tracer {
         &mut *self.tracer
     }
 
-    pub(super) fn into_tracer(self) -> Box<dyn Tracer> {
+    pub(crate) fn into_tracer(self) -> Box<dyn Tracer> {
         self.tracer
     }
 
     /// All loaded rays as one task.
-    pub(super) fn all(&self) -> Vec<Task> {
+    pub(crate) fn all(&self) -> Vec<Task> {
         tasks_of(self.rays, u32::MAX)
     }
 }
@@ -126,7 +125,7 @@ fn check_span(span: Span, before: Duration, after: Duration) -> Result<(), Strin
 }
 
 /// That a call was refused as wrong, which leaves the device as it was.
-pub(super) fn refused<T>(what: &str, answer: Result<T, rt_core::DeviceError>) -> Result<(), String> {
+pub(crate) fn refused<T>(what: &str, answer: Result<T, rt_core::DeviceError>) -> Result<(), String> {
     match answer {
         Err(e) if e.kind() == DeviceErrorKind::InvalidArgument => Ok(()),
         Err(e) => Err(format!("{what}: {:?} ({e}), not InvalidArgument", e.kind())),
@@ -135,7 +134,7 @@ pub(super) fn refused<T>(what: &str, answer: Result<T, rt_core::DeviceError>) ->
 }
 
 /// That two lists of hits are the same bits.
-pub(super) fn same_hits(what: &str, found: &[Hit], expected: &[Hit]) -> Result<(), String> {
+pub(crate) fn same_hits(what: &str, found: &[Hit], expected: &[Hit]) -> Result<(), String> {
     ensure!(found.len() == expected.len(), "{what}: {} hits, not {}", found.len(), expected.len());
     let bits = |hit: &Hit| [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive];
     match found.iter().zip(expected).position(|(a, b)| bits(a) != bits(b)) {

@@ -1,23 +1,33 @@
 //! Cases about launches: order, times, wrong calls, and tracers beside each other.
 
-use super::Case;
-use super::fixtures;
-use super::session::{LIMIT, Session, ensure, refused, same_hits};
-use rt_core::{Device, Hit, Launch, RaySource, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of};
+use crate::Case;
+use crate::candidate::{Candidate, Capability};
+use crate::fixtures;
+use crate::session::{LIMIT, Session, ensure, refused, same_hits};
+use rt_core::{Hit, Launch, RaySource, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of};
+use rt_verify::clock;
 use std::sync::mpsc;
 use std::time::Duration;
 
-pub(super) const CASES: &[Case] = &[
-    Case { name: "info_makes_sense", run: info_makes_sense },
-    Case { name: "launches_run_in_order", run: launches_run_in_order },
-    Case { name: "launches_can_be_awaited_in_any_order", run: launches_can_be_awaited_in_any_order },
-    Case { name: "wrong_calls_are_refused_and_change_nothing", run: wrong_calls_are_refused_and_change_nothing },
-    Case { name: "calls_against_launches_in_flight_are_refused", run: calls_against_launches_in_flight_are_refused },
-    Case { name: "two_tracers_do_not_disturb_each_other", run: two_tracers_do_not_disturb_each_other },
-    Case { name: "dropping_a_tracer_does_not_hang", run: dropping_a_tracer_does_not_hang },
+pub(crate) const CASES: &[Case] = &[
+    Case { name: "info_makes_sense", needs: &[], run: info_makes_sense },
+    Case { name: "launches_run_in_order", needs: &[], run: launches_run_in_order },
+    Case { name: "launches_can_be_awaited_in_any_order", needs: &[], run: launches_can_be_awaited_in_any_order },
+    Case {
+        name: "wrong_calls_are_refused_and_change_nothing",
+        needs: &[],
+        run: wrong_calls_are_refused_and_change_nothing,
+    },
+    Case {
+        name: "calls_against_launches_in_flight_are_refused",
+        needs: &[],
+        run: calls_against_launches_in_flight_are_refused,
+    },
+    Case { name: "two_tracers_do_not_disturb_each_other", needs: &[], run: two_tracers_do_not_disturb_each_other },
+    Case { name: "dropping_a_tracer_does_not_hang", needs: &[], run: dropping_a_tracer_does_not_hang },
 ];
 
-fn info_makes_sense(device: &dyn Device) -> Result<(), String> {
+fn info_makes_sense(device: &Candidate<'_>) -> Result<(), String> {
     let info = device.info();
     ensure!(!info.name.is_empty() && !info.backend.is_empty(), "a device without a name: {info:?}");
     ensure!(info.in_flight >= 1 && info.units >= 1, "a device that does nothing: {info:?}");
@@ -25,7 +35,7 @@ fn info_makes_sense(device: &dyn Device) -> Result<(), String> {
 }
 
 /// One task for each launch that may be in flight, and everything traced at once for comparison.
-fn start(device: &dyn Device) -> Result<(Session, Vec<Task>, Launch), String> {
+fn start(device: &Candidate<'_>) -> Result<(Session, Vec<Task>, Launch), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     session.load(&fixture.rays, StreamSpec::default())?;
@@ -39,10 +49,10 @@ fn part(whole: &Launch, task: Task) -> &[Hit] {
     &whole.hits[task.first as usize..][..task.rays as usize]
 }
 
-fn launches_run_in_order(device: &dyn Device) -> Result<(), String> {
+fn launches_run_in_order(device: &Candidate<'_>) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     for _ in 0..20 {
-        let before = super::clock();
+        let before = clock();
         let tickets =
             tasks.iter().map(|task| session.submit(&[*task], None)).collect::<Result<Vec<Ticket>, String>>()?;
         let mut spans: Vec<Span> = Vec::new();
@@ -51,7 +61,7 @@ fn launches_run_in_order(device: &dyn Device) -> Result<(), String> {
             same_hits(&format!("{task:?}"), &launch.hits, part(&whole, *task))?;
             spans.push(launch.span);
         }
-        let after = super::clock();
+        let after = clock();
         ensure!(
             spans.iter().all(|s| before <= s.start && s.start <= s.end && s.end <= after),
             "{spans:?} outside {before:?} ..= {after:?}"
@@ -73,7 +83,7 @@ fn launches_run_in_order(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn launches_can_be_awaited_in_any_order(device: &dyn Device) -> Result<(), String> {
+fn launches_can_be_awaited_in_any_order(device: &Candidate<'_>) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     let tickets = tasks.iter().map(|task| session.submit(&[*task], None)).collect::<Result<Vec<Ticket>, String>>()?;
     for (ticket, task) in tickets.into_iter().zip(&tasks).rev() {
@@ -83,7 +93,7 @@ fn launches_can_be_awaited_in_any_order(device: &dyn Device) -> Result<(), Strin
     Ok(())
 }
 
-fn wrong_calls_are_refused_and_change_nothing(device: &dyn Device) -> Result<(), String> {
+fn wrong_calls_are_refused_and_change_nothing(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     refused("a task before any rays", session.tracer().submit(&[Task { first: 0, rays: 1 }], None))?;
@@ -96,16 +106,9 @@ fn wrong_calls_are_refused_and_change_nothing(device: &dyn Device) -> Result<(),
         let bad = Task { first, rays: count };
         refused(&format!("{bad:?} of {rays} rays"), session.tracer().submit(&[good, bad], None))?;
     }
-    for bad in [rays, u32::MAX] {
-        let mut counts = [TestCounts::default(); 2];
-        let walked = session.tracer().walk(&[0, bad], Walk::Full, &mut counts, None);
-        refused(&format!("a walk of ray {bad} of {rays}"), walked)?;
+    if device.claims(Capability::FullWalks) {
+        wrong_walks_are_refused(&mut session, rays)?;
     }
-    let mut counts = [TestCounts::default(); 3];
-    let mut hits = [Hit::MISS; 3];
-    refused("2 rays, 3 counts", session.tracer().walk(&[0, 1], Walk::Full, &mut counts, None))?;
-    let walked = session.tracer().walk(&[0, 1], Walk::Full, &mut counts[..2], Some(&mut hits));
-    refused("2 rays, 3 hits", walked)?;
     let ticket = Ticket(u64::MAX - 5);
     refused("an unknown ticket", session.tracer().wait(ticket, LIMIT, &mut Launch::default()))?;
     let few: Vec<_> = fixture.rays[..3].iter().map(|(ray, _)| *ray).collect();
@@ -115,7 +118,20 @@ fn wrong_calls_are_refused_and_change_nothing(device: &dyn Device) -> Result<(),
     same_hits("after wrong calls", &again.hits, &whole.hits)
 }
 
-fn calls_against_launches_in_flight_are_refused(device: &dyn Device) -> Result<(), String> {
+fn wrong_walks_are_refused(session: &mut Session, rays: u32) -> Result<(), String> {
+    for bad in [rays, u32::MAX] {
+        let mut counts = [TestCounts::default(); 2];
+        let walked = session.tracer().walk(&[0, bad], Walk::Full, &mut counts, None);
+        refused(&format!("a walk of ray {bad} of {rays}"), walked)?;
+    }
+    let mut counts = [TestCounts::default(); 3];
+    let mut hits = [Hit::MISS; 3];
+    refused("2 rays, 3 counts", session.tracer().walk(&[0, 1], Walk::Full, &mut counts, None))?;
+    let walked = session.tracer().walk(&[0, 1], Walk::Full, &mut counts[..2], Some(&mut hits));
+    refused("2 rays, 3 hits", walked)
+}
+
+fn calls_against_launches_in_flight_are_refused(device: &Candidate<'_>) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     let task = tasks[0];
     let tickets: Vec<Ticket> =
@@ -130,9 +146,9 @@ fn calls_against_launches_in_flight_are_refused(device: &dyn Device) -> Result<(
     refused("a ticket twice", session.tracer().wait(tickets[0], LIMIT, &mut Launch::default()))
 }
 
-fn two_tracers_do_not_disturb_each_other(device: &dyn Device) -> Result<(), String> {
+fn two_tracers_do_not_disturb_each_other(device: &Candidate<'_>) -> Result<(), String> {
     let [one, two] = [fixtures::plain()?, fixtures::named("sphere")?];
-    let spec = StreamSpec { counts: true, ..StreamSpec::default() };
+    let spec = device.spec();
     let alone =
         [Session::whole(device, &one.scene, &one.rays, spec)?, Session::whole(device, &two.scene, &two.rays, spec)?];
     let run = |fixture: &'static fixtures::Fixture, expected: &Launch| -> Result<(), String> {
@@ -152,7 +168,7 @@ fn two_tracers_do_not_disturb_each_other(device: &dyn Device) -> Result<(), Stri
     })
 }
 
-fn dropping_a_tracer_does_not_hang(device: &dyn Device) -> Result<(), String> {
+fn dropping_a_tracer_does_not_hang(device: &Candidate<'_>) -> Result<(), String> {
     for _ in 0..5 {
         let (mut session, tasks, _) = start(device)?;
         for task in &tasks {

@@ -1,23 +1,24 @@
 //! Cases about which hit a ray has.
 
-use super::Case;
-use super::fixtures::{self, Fixture};
-use super::session::{Session, ensure, same_hits};
+use crate::Case;
+use crate::candidate::{Candidate, Capability};
+use crate::fixtures::{self, Fixture};
+use crate::session::{Session, ensure, same_hits};
 use glam::Vec3;
-use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
+use rt_core::{Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::Reference;
 use rt_verify::{brute, shapes};
 
-pub(super) const CASES: &[Case] = &[
-    Case { name: "equals_brute_force", run: equals_brute_force },
-    Case { name: "any_hit_equals_brute_force", run: any_hit_equals_brute_force },
-    Case { name: "fast_is_nearly_right", run: fast_is_nearly_right },
-    Case { name: "reports_the_defined_bits", run: reports_the_defined_bits },
-    Case { name: "lowest_id_wins_ties", run: lowest_id_wins_ties },
-    Case { name: "closed_sphere_does_not_leak", run: closed_sphere_does_not_leak },
-    Case { name: "origin_primitive_is_left_out", run: origin_primitive_is_left_out },
-    Case { name: "limits_are_inclusive", run: limits_are_inclusive },
+pub(crate) const CASES: &[Case] = &[
+    Case { name: "equals_brute_force", needs: &[], run: equals_brute_force },
+    Case { name: "any_hit_equals_brute_force", needs: &[], run: any_hit_equals_brute_force },
+    Case { name: "fast_is_nearly_right", needs: &[], run: fast_is_nearly_right },
+    Case { name: "reports_the_defined_bits", needs: &[Capability::DefinedBits], run: reports_the_defined_bits },
+    Case { name: "lowest_id_wins_ties", needs: &[], run: lowest_id_wins_ties },
+    Case { name: "closed_sphere_does_not_leak", needs: &[], run: closed_sphere_does_not_leak },
+    Case { name: "origin_primitive_is_left_out", needs: &[], run: origin_primitive_is_left_out },
+    Case { name: "limits_are_inclusive", needs: &[Capability::DefinedBits], run: limits_are_inclusive },
 ];
 
 /// The precisions that promise right hits.
@@ -31,10 +32,10 @@ const FAST_WRONG: f64 = 0.4;
 const FAST_WRONG_INSIDE: f64 = 0.02;
 
 fn spec(query: Query, precision: Precision) -> StreamSpec {
-    StreamSpec { query, precision, counts: false }
+    StreamSpec::new(query, precision, false)
 }
 
-fn equals_brute_force(device: &dyn Device) -> Result<(), String> {
+fn equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for precision in RIGHT {
             let spec = spec(Query::Closest, precision);
@@ -59,7 +60,7 @@ fn check_closest(fixture: &Fixture, precision: Precision, hits: &[Hit]) -> Resul
     Ok(())
 }
 
-fn any_hit_equals_brute_force(device: &dyn Device) -> Result<(), String> {
+fn any_hit_equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         let reference = Reference::new(&fixture.triangles);
         for precision in RIGHT {
@@ -76,7 +77,7 @@ fn any_hit_equals_brute_force(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn fast_is_nearly_right(device: &dyn Device) -> Result<(), String> {
+fn fast_is_nearly_right(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in [fixtures::named("terrain")?, fixtures::named("soup")?, fixtures::named("sphere")?] {
         let spec = spec(Query::Closest, Precision::Fast);
         let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec)?;
@@ -96,7 +97,7 @@ fn fast_is_nearly_right(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn reports_the_defined_bits(device: &dyn Device) -> Result<(), String> {
+fn reports_the_defined_bits(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for query in [Query::Closest, Query::Any] {
             for precision in RIGHT {
@@ -114,7 +115,7 @@ fn reports_the_defined_bits(device: &dyn Device) -> Result<(), String> {
 }
 
 /// Dyadic coordinates and rays along an axis: all arithmetic is exact, so every device sees the same ties.
-fn lowest_id_wins_ties(device: &dyn Device) -> Result<(), String> {
+fn lowest_id_wins_ties(device: &Candidate<'_>) -> Result<(), String> {
     let once = shapes::grid(4, 0.0, 0);
     let turned = once.iter().map(|t| Triangle::new(t.b, t.c, t.a));
     let triangles: Vec<_> = once.iter().rev().copied().chain(turned).chain(once.iter().copied()).collect();
@@ -131,7 +132,7 @@ fn lowest_id_wins_ties(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn closed_sphere_does_not_leak(device: &dyn Device) -> Result<(), String> {
+fn closed_sphere_does_not_leak(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
     let mut rays = Vec::new();
     for t in &fixture.triangles {
@@ -152,7 +153,7 @@ fn closed_sphere_does_not_leak(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn origin_primitive_is_left_out(device: &dyn Device) -> Result<(), String> {
+fn origin_primitive_is_left_out(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
     let leaving = |(i, t): (usize, &Triangle)| {
         let middle = (t.a + t.b + t.c) / 3.0;
@@ -169,7 +170,7 @@ fn origin_primitive_is_left_out(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn limits_are_inclusive(device: &dyn Device) -> Result<(), String> {
+fn limits_are_inclusive(device: &Candidate<'_>) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let hitting: Vec<(Ray, Hit)> =
         fixture.rays.iter().zip(&fixture.hits).filter(|(_, hit)| hit.is_hit()).map(|((r, _), h)| (*r, *h)).collect();

@@ -1,21 +1,34 @@
 //! Cases about counted tests: they are device-independent, so they must be `rt_bvh`'s own.
 
-use super::Case;
-use super::fixtures;
-use super::session::{Session, ensure, same_hits};
-use rt_core::{Device, Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
+use crate::Case;
+use crate::candidate::{Candidate, Capability};
+use crate::fixtures;
+use crate::session::{Session, ensure, same_hits};
+use rt_core::{Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
 use rt_verify::tree;
 
-pub(super) const CASES: &[Case] = &[
-    Case { name: "counts_are_the_trees_own", run: counts_are_the_trees_own },
-    Case { name: "full_walks_agree_with_launches", run: full_walks_agree_with_launches },
-    Case { name: "reduced_walks_count_as_the_tree_does", run: reduced_walks_count_as_the_tree_does },
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        name: "counts_are_the_trees_own",
+        needs: &[Capability::Counts, Capability::CommonTree, Capability::DefinedBits],
+        run: counts_are_the_trees_own,
+    },
+    Case {
+        name: "full_walks_agree_with_launches",
+        needs: &[Capability::Counts, Capability::FullWalks],
+        run: full_walks_agree_with_launches,
+    },
+    Case {
+        name: "reduced_walks_count_as_the_tree_does",
+        needs: &[Capability::ReducedWalks, Capability::CommonTree],
+        run: reduced_walks_count_as_the_tree_does,
+    },
 ];
 
-fn counts_are_the_trees_own(device: &dyn Device) -> Result<(), String> {
+fn counts_are_the_trees_own(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for query in [Query::Closest, Query::Any] {
-            let spec = StreamSpec { query, precision: Precision::Robust, counts: true };
+            let spec = StreamSpec::new(query, Precision::Robust, true);
             let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec)?;
             let (hits, counts) = tree::trace(&fixture.scene, spec, &fixture.rays);
             same_hits(&format!("{}, {query:?}", fixture.name), &launch.hits, &hits)?;
@@ -48,11 +61,11 @@ fn candidates(fixture: &fixtures::Fixture, found: &[Hit], expected: &[Hit]) -> R
     Ok(())
 }
 
-fn full_walks_agree_with_launches(device: &dyn Device) -> Result<(), String> {
+fn full_walks_agree_with_launches(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in [fixtures::plain()?, fixtures::named("needles")?] {
         for precision in [Precision::Robust, Precision::Double] {
             let mut session = Session::open(device, &fixture.scene)?;
-            session.load(&fixture.rays, StreamSpec { query: Query::Closest, precision, counts: true })?;
+            session.load(&fixture.rays, StreamSpec::new(Query::Closest, precision, true))?;
             let launch = session.trace(&session.all(), None)?;
             // Scattered, backwards, and one of them twice.
             let mut rays: Vec<u32> = (0..fixture.rays.len() as u32).rev().step_by(3).collect();
@@ -72,7 +85,7 @@ fn full_walks_agree_with_launches(device: &dyn Device) -> Result<(), String> {
     Ok(())
 }
 
-fn reduced_walks_count_as_the_tree_does(device: &dyn Device) -> Result<(), String> {
+fn reduced_walks_count_as_the_tree_does(device: &Candidate<'_>) -> Result<(), String> {
     for fixture in fixtures::all()? {
         let mut session = Session::open(device, &fixture.scene)?;
         let spec = StreamSpec::default();

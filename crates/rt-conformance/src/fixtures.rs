@@ -11,20 +11,20 @@ use std::sync::{Arc, OnceLock};
 const RAYS: u32 = 240;
 
 /// A scene, rays, and the right answers.
-pub(super) struct Fixture {
-    pub(super) name: &'static str,
-    pub(super) triangles: Vec<Triangle>,
-    pub(super) scene: Arc<Scene>,
+pub(crate) struct Fixture {
+    pub(crate) name: &'static str,
+    pub(crate) triangles: Vec<Triangle>,
+    pub(crate) scene: Arc<Scene>,
     /// Rays and the primitives they start on.
-    pub(super) rays: Vec<(Ray, u32)>,
+    pub(crate) rays: Vec<(Ray, u32)>,
     /// The exact reference's verdict for each ray.
-    pub(super) verdicts: Vec<Verdict>,
+    pub(crate) verdicts: Vec<Verdict>,
     /// Brute force's answer for each ray.
-    pub(super) hits: Vec<Hit>,
+    pub(crate) hits: Vec<Hit>,
 }
 
 impl Fixture {
-    pub(super) fn new(name: &'static str, triangles: Vec<Triangle>, rays: Vec<(Ray, u32)>) -> Result<Self, String> {
+    pub(crate) fn new(name: &'static str, triangles: Vec<Triangle>, rays: Vec<(Ray, u32)>) -> Result<Self, String> {
         let scene = tree::build(&triangles, rt_bvh::Builder::Sah).map_err(|e| format!("{name}: {e}"))?;
         let verdicts = Reference::new(&triangles).resolve_all(&rays);
         let hits = rays.iter().map(|(ray, origin)| brute::closest(&triangles, ray, *origin)).collect();
@@ -33,17 +33,17 @@ impl Fixture {
 }
 
 /// All of them; made once.
-pub(super) fn all() -> Result<&'static [Fixture], String> {
+pub(crate) fn all() -> Result<&'static [Fixture], String> {
     static ALL: OnceLock<Result<Vec<Fixture>, String>> = OnceLock::new();
     ALL.get_or_init(make).as_deref().map_err(Clone::clone)
 }
 
 /// A height field: most cases need no more.
-pub(super) fn plain() -> Result<&'static Fixture, String> {
+pub(crate) fn plain() -> Result<&'static Fixture, String> {
     named("terrain")
 }
 
-pub(super) fn named(name: &str) -> Result<&'static Fixture, String> {
+pub(crate) fn named(name: &str) -> Result<&'static Fixture, String> {
     all()?.iter().find(|f| f.name == name).ok_or_else(|| format!("no fixture {name}"))
 }
 

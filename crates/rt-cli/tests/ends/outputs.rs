@@ -1,0 +1,160 @@
+//! Standard output, files and their names as the outside world has them: closed, full, in use, no text.
+
+use crate::folder::{Ended, Folder, SMALL, ray};
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::os::unix::ffi::OsStrExt;
+use std::process::Stdio;
+
+/// Commands that print something, in each of their forms.
+const PRINTING: &[&str] = &[
+    "--help",
+    "--version",
+    "devices",
+    "devices --json",
+    "scenes",
+    "scenes --json",
+    "render scene.obj --size 8x8 --spp 1 --devices cpu:1",
+    "render scene.obj --size 8x8 --spp 1 --devices cpu:1 --json",
+    "trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:1",
+    "trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:1 --json",
+    "trace scene.obj --rays rays.npy --hits /dev/stdout --devices cpu:1",
+    "verify scene.obj --case ties --rays 100 --backend cpu:1",
+    "verify scene.obj --case ties --rays 100 --backend cpu:1 --json",
+    "bench scene.obj --quick --devices cpu:1 --rays 64 --repeat 1",
+    "bench scene.obj --quick --devices cpu:1 --json",
+    "figure1 scene.obj --quick --size 16x16 --repeat 1 --task-sizes 64 --devices cpu:1",
+    "tradeoff build scene.obj --quick --size 16x16 --repeat 1 --devices cpu:1",
+];
+
+/// A pipe that nobody reads.
+fn closed_pipe() -> Stdio {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    writer.into()
+}
+
+// Mutant: any `println!`; an error of printing that is not handed on.
+#[test]
+fn a_reader_that_goes_away_ends_a_command_quietly() {
+    let folder = Folder::new();
+    for words in PRINTING.iter().filter(|words| !words.contains("--quick --devices cpu:1 --rays")) {
+        let mut command = folder.raybalance();
+        command.args(words.split_whitespace()).stdout(closed_pipe()).stderr(Stdio::piped());
+        let ended = Ended::of(command.spawn().unwrap().wait_with_output().unwrap());
+        assert!(ended.code == Some(141) && ended.err.is_empty(), "{words}: {ended:?}");
+    }
+    // What was to be written is there.
+    assert!(["hits.npy", "out"].iter().all(|name| folder.at(name).exists()));
+    assert!(folder.at("out/report.html").exists() && folder.at("out/figure1/report.html").exists());
+}
+
+#[test]
+fn a_full_disk_behind_standard_output_is_an_error() {
+    let folder = Folder::new();
+    for words in
+        ["scenes", "devices --json", "--help", "trace scene.obj --rays rays.npy --hits /dev/full --devices cpu:1"]
+    {
+        let mut command = folder.raybalance();
+        command.args(words.split_whitespace()).stdout(File::options().write(true).open("/dev/full").unwrap());
+        let ended = Ended::of(command.stderr(Stdio::piped()).spawn().unwrap().wait_with_output().unwrap());
+        assert_eq!(ended.code, Some(1), "{words}: {ended:?}");
+        assert!(
+            ended.err.contains("No space left on device") && ended.err.starts_with("error: cannot write"),
+            "{ended:?}"
+        );
+    }
+}
+
+#[test]
+fn nobody_need_read_standard_error() {
+    let folder = Folder::new();
+    for (words, code) in [("render missing.obj", 1), ("render --nonsense", 2), ("scenes", 0)] {
+        for stderr in [closed_pipe(), File::options().write(true).open("/dev/full").unwrap().into()] {
+            let mut command = folder.raybalance();
+            command.args(words.split_whitespace()).stdout(Stdio::null()).stderr(stderr);
+            assert_eq!(command.status().unwrap().code(), Some(code), "{words}");
+        }
+    }
+}
+
+// Mutant: the log replaced, or written from its beginning.
+#[test]
+fn what_is_appended_to_a_log_leaves_the_log() {
+    let folder = Folder::new();
+    fs::write(folder.at("log"), "of yesterday\n").unwrap();
+    let log = || File::options().append(true).open(folder.at("log")).unwrap();
+    let words = "trace scene.obj --rays rays.npy --hits /dev/stdout --devices cpu:1";
+    let status = folder.raybalance().args(words.split_whitespace()).stdout(log()).status().unwrap();
+    assert_eq!(status.code(), Some(0));
+    let held = fs::read(folder.at("log")).unwrap();
+    assert!(held.starts_with(b"of yesterday\n\x93NUMPY"), "{}", String::from_utf8_lossy(&held));
+
+    // By its name it would be replaced, and what is printed would be lost with the old one.
+    let ended =
+        folder.raybalance().args("trace scene.obj --rays rays.npy --hits log".split(' ')).stdout(log()).output();
+    let ended = Ended::of(ended.unwrap());
+    assert!(ended.code == Some(2) && ended.err.contains("/dev/stdout"), "{ended:?}");
+    assert_eq!(fs::read(folder.at("log")).unwrap(), held);
+}
+
+#[test]
+fn names_need_not_be_text() {
+    let folder = Folder::new();
+    let name = |bytes: &[u8]| OsStr::from_bytes(bytes).to_owned();
+    let (scene, out, hits) = (name(b"scene_\xff.obj"), name(b"out_\xff"), name(b"hits_\xff.npy"));
+    fs::rename(folder.at("scene.obj"), folder.at("").join(&scene)).unwrap();
+
+    let ended = Ended::of(
+        folder
+            .raybalance()
+            .arg("render")
+            .arg(&scene)
+            .args(SMALL)
+            .arg("--json")
+            .arg("--out")
+            .arg(&out)
+            .output()
+            .unwrap(),
+    );
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let report: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
+    assert!(report["command"].as_array().unwrap().iter().any(|word| word == "out_\u{fffd}"), "{report}");
+    let out = folder.at("").join(&out);
+    assert!(["image.png", "report.json", "report.html"].iter().all(|name| out.join(name).exists()));
+
+    let mut trace = folder.raybalance();
+    trace.arg("trace").arg(&scene).args(["--rays", "rays.npy", "--json", "--hits"]).arg(&hits);
+    let ended = Ended::of(trace.output().unwrap());
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert!(folder.at("").join(&hits).exists());
+
+    let mut build = folder.raybalance();
+    build.args(["tradeoff", "build"]).arg(&scene).args(["--quick", "--size", "16x16", "--repeat", "1"]);
+    let ended = Ended::of(build.output().unwrap());
+    assert!(ended.code == Some(0) && folder.at("out/tradeoff/build-scene_\u{fffd}.svg").exists(), "{ended:?}");
+}
+
+#[test]
+fn devices_and_pipes_are_written_as_they_are() {
+    let folder = Folder::new();
+    let words = "trace scene.obj --rays rays.npy --devices cpu:1 --hits";
+    let null = folder.run(&format!("{words} /dev/null --counts /dev/null"));
+    assert_eq!(null.code, Some(0), "{null:?}");
+    // Rays from a pipe, hits to standard output.
+    let mut piped = folder.raybalance();
+    piped.args(words.split_whitespace()).arg("/dev/stdout");
+    let ended = piped.output().unwrap();
+    assert!(ended.stdout.starts_with(b"\x93NUMPY"), "{ended:?}");
+}
+
+#[test]
+fn leftovers_of_killed_runs_are_cleared() {
+    let folder = Folder::new();
+    fs::write(folder.at(".hits.npy.aB3xYz.partial"), "half").unwrap();
+    fs::write(folder.at(".other.npy.aB3xYz.partial"), "half").unwrap();
+    let ended = folder.run("trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:1");
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    assert_eq!(folder.names(), [".other.npy.aB3xYz.partial", "hits.npy", "rays.npy", "scene.obj"]);
+    assert_eq!(ray().len(), 32);
+}

@@ -1,0 +1,132 @@
+//! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before any work.
+
+use crate::folder::{self, Folder};
+
+/// Wrong for every machine: the words, and what the message must contain.
+const WRONG: &[(&str, &str)] = &[
+    ("nonsense", "nonsense"),
+    ("render scene.obj --nonsense", "--nonsense"),
+    ("render scene.obj other.obj", "other.obj"),
+    ("render nothing", "yard, car"),
+    ("render scene.obj --devices cpu:0", "cpu:0"),
+    ("render scene.obj --devices cuda:0", "cuda:0"),
+    ("render scene.obj --devices cpu:1,", "backend"),
+    ("render scene.obj --devices cpu:1@0", "speed"),
+    ("render scene.obj --devices cpu:1@1e-300", "speed"),
+    ("render scene.obj --devices cpu:1,cpu:1@1e-6", "cpu:1@1e-6"),
+    ("render scene.obj --devices cpu:1@-1", "speed"),
+    ("render scene.obj --devices cpu:1@nan", "speed"),
+    ("render scene.obj --devices cpu:1@2", "speed"),
+    ("render scene.obj --devices vulkan", "vulkan:0"),
+    ("render scene.obj --fov 0", "--fov"),
+    ("render scene.obj --fov 180", "--fov"),
+    ("render scene.obj --fov -40", "--fov"),
+    ("render scene.obj --fov nan", "--fov"),
+    ("render scene.obj --devices cpu:1 --eye 1,1,1 --target 1,1,1", "--eye"),
+    ("render scene.obj --devices cpu:1 --eye 0,0,1 --target 0,0,0 --up 0,0,1", "--up"),
+    ("render scene.obj --eye 1,2", "--eye"),
+    ("render scene.obj --size 0x8", "--size"),
+    ("render scene.obj --spp 0", "--spp"),
+    ("render scene.obj --memory 1K", "--memory"),
+    ("render scene.obj --tasks 0", "--tasks"),
+    ("render scene.obj --tasks 4 --task-size 4", "--task-size"),
+    ("render scene.obj --queue central --policy none", "--policy"),
+    ("render scene.obj --fraction 1/64", "--fraction"),
+    ("render scene.obj --estimator uniform --fraction 1/64", "--fraction"),
+    ("render scene.obj --estimator exact --fraction 2", "--fraction"),
+    ("render scene.obj --estimator exact --budget 0.01", "--budget"),
+    ("render scene.obj --estimator exact --reduced leaf", "--reduced"),
+    ("render scene.obj --builder oak", "--builder"),
+    ("render scene.obj --precision half", "--precision"),
+    ("render scene.obj --out scene.obj", "--out"),
+    ("render scene.obj --out scene.obj/out", "--out"),
+    ("trace scene.obj --rays rays.npy", "--hits"),
+    ("trace scene.obj --hits hits.npy", "--rays"),
+    ("trace nothing --rays rays.npy --hits hits.npy", "yard, car"),
+    ("trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:0", "cpu:0"),
+    ("trace scene.obj --rays rays.npy --hits hits.npy --fraction 1/64", "--fraction"),
+    ("trace scene.obj --rays rays.npy --hits hits.npy --counts hits.npy", "--hits and --counts"),
+    ("trace scene.obj --rays rays.npy --hits rays.npy", "the rays"),
+    ("trace scene.obj --rays rays.npy --hits scene.obj", "the scene"),
+    ("trace scene.obj --rays rays.npy --hits hits.npy --counts ./scene.obj", "the scene"),
+    ("trace scene.obj --rays rays.npy --hits .", "folder"),
+    ("trace scene.obj --rays rays.npy --hits scene.obj/hits.npy", "folder"),
+    ("trace scene.obj --rays rays.npy --hits hits.npy/", "folder"),
+    ("figure1 scene.obj --devices cpu:0", "cpu:0"),
+    ("figure1 scene.obj --task-sizes 64,64", "--task-sizes"),
+    ("figure1 scene.obj --task-sizes 0", "--task-sizes"),
+    ("figure1 scene.obj --replay 3 --devices cpu:1,cpu:1", "--replay"),
+    ("figure1 scene.obj --fraction 1/64", "--fraction"),
+    ("figure1 scene.obj --repeat 0", "--repeat"),
+    ("figure1 scene.obj --out scene.obj", "--out"),
+    ("figure1 nothing --quick --devices cpu:1", "yard, car"),
+    ("tradeoff scene.obj --devices cpu:0", "cpu:0"),
+    ("tradeoff scene.obj --out scene.obj", "--out"),
+    ("tradeoff build scene.obj --devices cpu:1,cpu:1", "one device"),
+    ("tradeoff sampling scene.obj --devices cuda:0", "cuda:0"),
+    ("tradeoff sampling scene.obj ./scene.obj --devices cpu:1", "sampling-scene.svg"),
+    ("tradeoff layout scene.obj --devices cpu:1", "name a graphics card"),
+    ("tradeoff precision scene.obj --devices cpu:1@3", "speed"),
+    ("tradeoff precision scene.obj --out scene.obj", "--out"),
+    ("tradeoff nonsense --size 8", "--size"),
+    ("verify --backend cpu:0", "cpu:0"),
+    ("verify --case nonsense", "nonsense"),
+    ("verify --quick --full", "--full"),
+    ("verify nothing --case ties", "yard, car"),
+    ("bench scene.obj --devices cpu:0", "cpu:0"),
+    ("bench scene.obj --quick --repeat 3", "--repeat"),
+    ("bench scene.obj --out .", "--out"),
+    ("bench scene.obj --out scene.obj", "the scene"),
+    ("bench scene.obj --out cameras.tsv", "the cameras"),
+    ("bench nothing --quick --devices cpu:1", "yard, car"),
+    ("devices --devices cpu:1", "--devices"),
+    ("scenes yard", "yard"),
+];
+
+// Mutant: any one of these errors made without `usage` or `or_usage`.
+#[test]
+fn wrong_usage_is_2_and_says_what_is_wrong() {
+    let folder = Folder::new();
+    std::fs::write(folder.at("cameras.tsv"), "").unwrap();
+    let before = folder.names();
+    for (words, part) in WRONG {
+        let ended = folder.run(words);
+        assert!(ended.code == Some(2) && ended.err.contains(part), "`{part}` is to be in {words}: {ended:?}");
+        assert!(ended.err.starts_with("error: ") && ended.out.is_empty(), "{words}: {ended:?}");
+        assert_eq!(folder.names(), before, "{words}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.at("scene.obj")).unwrap(), folder::SCENE);
+}
+
+/// Right as words, but not to be had here: the command fails, it was not used wrongly.
+#[test]
+fn what_is_not_to_be_had_is_1() {
+    let folder = Folder::new();
+    std::fs::write(folder.at("empty.npy"), "").unwrap();
+    for (words, part) in [
+        ("render missing.obj", "missing.obj"),
+        ("render .", "directory"),
+        ("render scene.obj --size 8x8 --devices vulkan:999", "--devices"),
+        ("trace scene.obj --rays missing.npy --hits hits.npy", "missing.npy"),
+        ("trace scene.obj --rays . --hits hits.npy", "directory"),
+        ("trace scene.obj --rays empty.npy --hits hits.npy", "np.save"),
+        ("trace scene.obj --rays scene.obj --hits hits.npy", "np.save"),
+        ("verify missing.obj", "missing.obj"),
+        ("bench missing.obj --devices cpu:1", "missing.obj"),
+        ("figure1 missing.obj --quick --devices cpu:1", "missing.obj"),
+        ("tradeoff build missing.obj --quick", "missing.obj"),
+    ] {
+        let ended = folder.run(words);
+        assert!(ended.code == Some(1) && ended.err.contains(part), "`{part}` is to be in {words}: {ended:?}");
+    }
+    assert_eq!(folder.names(), ["empty.npy", "rays.npy", "scene.obj"]);
+}
+
+#[test]
+fn help_lists_the_exit_codes() {
+    let folder = Folder::new();
+    for words in ["--help", "-h", "verify --help"] {
+        let ended = folder.run(words);
+        assert!(ended.code == Some(0) && ended.out.contains("2 wrong usage"), "{words}: {ended:?}");
+    }
+}

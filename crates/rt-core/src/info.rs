@@ -1,0 +1,198 @@
+//! What a device is and can do.
+
+use crate::{Precision, ReducedWalk, StreamSpec, Walk};
+use alloc::string::String;
+
+/// What a device is, for people and for the driver.
+///
+/// Made by [`DeviceInfo::new`], so that more can be told later without a change to those who tell less.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct DeviceInfo {
+    /// The device's own name, such as a processor's or graphics card's.
+    pub name: String,
+    /// The backend that drives it: `"cpu"`, `"wgpu"`, `"vulkan"`.
+    pub backend: &'static str,
+    /// Hardware threads used, or compute units; 1 where unknown.
+    pub units: u32,
+    /// How many launches may be in flight, at least 1: with 2, the device never waits for the host between launches.
+    pub in_flight: u32,
+    /// Bytes of memory a scene may use, where known.
+    pub memory: Option<u64>,
+    /// What it can do.
+    pub capabilities: Capabilities,
+}
+
+impl DeviceInfo {
+    /// A device of one unit that takes one launch at a time, of which nothing else is known.
+    #[must_use]
+    pub fn new(name: impl Into<String>, backend: &'static str) -> Self {
+        let capabilities = Capabilities::UNKNOWN;
+        Self { name: name.into(), backend, units: 1, in_flight: 1, memory: None, capabilities }
+    }
+
+    /// The same with so many hardware threads or compute units.
+    #[must_use]
+    pub const fn with_units(mut self, units: u32) -> Self {
+        self.units = units;
+        self
+    }
+
+    /// The same with so many launches in flight.
+    #[must_use]
+    pub const fn with_in_flight(mut self, in_flight: u32) -> Self {
+        self.in_flight = in_flight;
+        self
+    }
+
+    /// The same with so many bytes of memory for scenes.
+    #[must_use]
+    pub const fn with_memory(mut self, memory: Option<u64>) -> Self {
+        self.memory = memory;
+        self
+    }
+
+    /// The same with these capabilities.
+    #[must_use]
+    pub const fn with_capabilities(mut self, capabilities: Capabilities) -> Self {
+        self.capabilities = capabilities;
+        self
+    }
+}
+
+/// What a device can do. What it cannot, it is not asked for; a device that finds out later says
+/// [`Unsupported`](crate::DeviceErrorKind::Unsupported).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Capabilities {
+    /// One bit for each of [`REDUCED`].
+    reduced: u8,
+    /// One bit for each of [`PRECISIONS`].
+    precisions: u8,
+    counts: Counted,
+    makes_rays: bool,
+}
+
+/// What a device counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Counted {
+    /// Nothing: it has no walks, and streams that ask for counts go to others.
+    Nothing,
+    /// Tests of a tree of its own: they tell what its tasks cost, and cannot be compared with another device's.
+    OwnTree,
+    /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts) says: the
+    /// same numbers on every such device.
+    SceneTree,
+}
+
+const REDUCED: [ReducedWalk; 4] =
+    [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened, ReducedWalk::LeafPlane, ReducedWalk::Truncated];
+
+const PRECISIONS: [Precision; 3] = [Precision::Robust, Precision::Fast, Precision::Double];
+
+impl Capabilities {
+    /// Everything may be asked, counts are the device's own, and the host makes the rays.
+    pub const UNKNOWN: Self = Self { reduced: 0b1111, precisions: 0b111, counts: Counted::OwnTree, makes_rays: false };
+
+    /// The same with these reduced walks and no others.
+    #[must_use]
+    pub fn with_reduced_walks(mut self, walks: &[ReducedWalk]) -> Self {
+        self.reduced = bits(&REDUCED, |walk| walks.contains(walk));
+        self
+    }
+
+    /// The same with these precisions and no others.
+    #[must_use]
+    pub fn with_precisions(mut self, precisions: &[Precision]) -> Self {
+        self.precisions = bits(&PRECISIONS, |precision| precisions.contains(precision));
+        self
+    }
+
+    /// The same with other counts.
+    #[must_use]
+    pub const fn with_counts(mut self, counts: Counted) -> Self {
+        self.counts = counts;
+        self
+    }
+
+    /// The same for a device that makes camera rays and bounces itself.
+    #[must_use]
+    pub const fn making_rays(mut self) -> Self {
+        self.makes_rays = true;
+        self
+    }
+
+    /// Whether it has such a walk.
+    #[must_use]
+    pub fn has_walk(&self, walk: Walk) -> bool {
+        let reduced = |walk| bits(&REDUCED, |known| *known == walk) & self.reduced != 0;
+        self.counts != Counted::Nothing
+            && match walk {
+                Walk::Full => true,
+                Walk::Reduced(walk) => reduced(walk),
+            }
+    }
+
+    /// Whether it traces so carefully.
+    #[must_use]
+    pub fn has_precision(&self, precision: Precision) -> bool {
+        bits(&PRECISIONS, |known| *known == precision) & self.precisions != 0
+    }
+
+    /// Whether it can trace such a stream.
+    #[must_use]
+    pub fn can_trace(&self, spec: StreamSpec) -> bool {
+        self.has_precision(spec.precision) && !(spec.counts && self.counts == Counted::Nothing)
+    }
+
+    /// What it counts.
+    #[must_use]
+    pub const fn counts(&self) -> Counted {
+        self.counts
+    }
+
+    /// Whether it makes the rays of cameras and bounces itself, where its arithmetic gives the host's bits; otherwise the host
+    /// makes them.
+    #[must_use]
+    pub const fn makes_rays(&self) -> bool {
+        self.makes_rays
+    }
+}
+
+impl Default for Capabilities {
+    fn default() -> Self {
+        Self::UNKNOWN
+    }
+}
+
+/// One bit for each of `all` that is chosen.
+fn bits<T>(all: &[T], is_chosen: impl Fn(&T) -> bool) -> u8 {
+    (0..).zip(all).filter(|(_, one)| is_chosen(one)).fold(0, |bits, (place, _): (u32, _)| bits | 1 << place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mutants: a bit for the wrong walk or precision; walks of a device that counts nothing.
+    #[test]
+    fn a_device_can_do_what_it_says_and_no_more() {
+        for (place, walk) in REDUCED.into_iter().enumerate() {
+            let one = Capabilities::UNKNOWN.with_reduced_walks(&[walk]);
+            for (other_place, other) in REDUCED.into_iter().enumerate() {
+                assert_eq!(one.has_walk(Walk::Reduced(other)), place == other_place);
+                assert!(Capabilities::UNKNOWN.has_walk(Walk::Reduced(other)));
+            }
+            assert!(one.has_walk(Walk::Full));
+        }
+        let nothing = Capabilities::UNKNOWN.with_counts(Counted::Nothing);
+        assert!(!nothing.has_walk(Walk::Full) && !nothing.has_walk(Walk::Reduced(ReducedWalk::LeafAsHit)));
+        let counted = StreamSpec { counts: true, ..StreamSpec::default() };
+        assert!(nothing.can_trace(StreamSpec::default()) && !nothing.can_trace(counted));
+        for precision in PRECISIONS {
+            let one = Capabilities::UNKNOWN.with_precisions(&[precision]);
+            for other in PRECISIONS {
+                assert_eq!(one.can_trace(StreamSpec { precision: other, ..counted }), other == precision);
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! Writing files that are there in full or not at all, and finding out beforehand whether they can be.
+
+mod check;
+mod partial;
+mod place;
+
+pub use check::Outputs;
+pub use partial::abandon;
+
+use crate::print::Stdout;
+use anyhow::{Context, Result, bail};
+use partial::Partial;
+use place::Place;
+use std::fs::{File, Metadata};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Writes a file through a temporary one beside it, which takes the place of `path` only once it is complete.
+///
+/// Whatever stops the program in between (Ctrl-C, a crash, a full disk), `path` is either as it was or as it was meant
+/// to be. The folder is created. A link is followed. What is not a regular file, such as a pipe, cannot be replaced and
+/// is written directly; so is a file that is open already under the name of `/dev/stdout` or the like, behind what is
+/// there.
+///
+/// # Errors
+/// When the folder or file cannot be made, or `write` fails; the message names the path.
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let written = Place::of(path).and_then(|place| match place {
+        Place::File { path, about } => replace(&path, about.as_ref(), write),
+        Place::Descriptor(number) => write_descriptor(number, write),
+        Place::Stream(path, _) => write_to(File::options().write(true).open(path)?, write),
+    });
+    written.with_context(|| format!("cannot write `{}`", path.display()))
+}
+
+fn replace(path: &Path, before: Option<&Metadata>, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let partial = Partial::create(path)?;
+    write_to(partial.file(), write)?;
+    Ok(partial.persist(path, before)?)
+}
+
+fn write_descriptor(number: u32, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    match number {
+        0 => bail!("it is standard input"),
+        // In order with whatever else is printed.
+        1 => write_to(Stdout, write),
+        2 => write_to(std::io::stderr(), write),
+        // Opened anew, it has a place of its own in the file: the end is the only one that overwrites nothing.
+        number => write_to(File::options().append(true).open(format!("/dev/fd/{number}"))?, write),
+    }
+}
+
+fn write_to(out: impl Write, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+    let mut buffer = BufWriter::new(out);
+    write(&mut buffer)?;
+    Ok(buffer.flush()?)
+}
+
+/// Whether both are of one file.
+#[cfg(unix)]
+fn same_file(a: &Metadata, b: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Where files have no numbers, they are told apart by their names alone.
+#[cfg(not(unix))]
+fn same_file(_: &Metadata, _: &Metadata) -> bool {
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::ffi::OsString;
+    use std::fs;
+
+    fn names(folder: &Path) -> Vec<OsString> {
+        fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name()).collect()
+    }
+
+    #[test]
+    fn a_new_file_comes_with_its_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a/b/c.txt");
+        write_atomically(&path, |out| Ok(out.write_all(b"new")?)).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(names(path.parent().unwrap()), ["c.txt"]);
+    }
+
+    // Fails when `replace` writes to `path` itself.
+    #[test]
+    fn a_failure_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("c.txt");
+        fs::write(&path, "old").unwrap();
+        let error = write_atomically(&path, |out| {
+            out.write_all(&[b'x'; 100_000])?;
+            bail!("the device is on fire")
+        });
+        let message = format!("{:#}", error.unwrap_err());
+        assert!(message.contains("c.txt") && message.contains("on fire"), "{message}");
+        assert_eq!(fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["c.txt"]);
+    }
+
+    #[test]
+    fn a_folder_is_refused_by_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let error = write_atomically(dir.path(), |_| Ok(())).unwrap_err();
+        assert!(format!("{error:#}").contains("is a folder"), "{error:#}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_stay_links_and_devices_stay_devices() {
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt};
+        let dir = tempfile::tempdir().unwrap();
+        let (file, link) = (dir.path().join("file"), dir.path().join("link"));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        // A link to what is not there yet says where it is to be.
+        fs::remove_file(&file).unwrap();
+        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        // A temporary file's own permissions would be 0600, and nobody else could read the result.
+        let plain = dir.path().join("plain");
+        fs::write(&plain, "").unwrap();
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&file), mode(&plain));
+        // What its owner hid or showed stays so.
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        assert_eq!(mode(&file) & 0o777, 0o600);
+
+        write_atomically(Path::new("/dev/null"), |out| Ok(out.write_all(b"gone")?)).unwrap();
+        assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
+    }
+
+    // Mutants: the file behind an open one replaced; written from its beginning.
+    #[cfg(unix)]
+    #[test]
+    fn what_is_open_already_is_appended_to() {
+        use std::os::fd::AsRawFd;
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log");
+        fs::write(&path, "yesterday\n").unwrap();
+        let log = File::options().append(true).open(&path).unwrap();
+        let open = format!("/dev/fd/{}", log.as_raw_fd());
+        let link = dir.path().join("link");
+        std::os::unix::fs::symlink(&open, &link).unwrap();
+        write_atomically(Path::new(&open), |out| Ok(out.write_all(b"today\n")?)).unwrap();
+        write_atomically(&link, |out| Ok(out.write_all(b"tonight\n")?)).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"yesterday\ntoday\ntonight\n");
+    }
+}
