@@ -1,11 +1,13 @@
 //! Opening CPU devices.
 
 use crate::executor::Executor;
-use crate::launches::{self, Launches, Trees};
+use crate::instructions::{self, InstructionsError};
+use crate::launches::{Launches, Trees};
+use crate::packets::Kernels;
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
 use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_simd::Kernel;
+use rt_simd::{Isa, Kernel};
 use std::fmt;
 use std::sync::Arc;
 
@@ -27,10 +29,22 @@ impl CpuDevice {
     /// Cores are dealt in order and each device is pinned to its own. Where all devices together want more threads
     /// than there are cores, or the system does not let us pin, none is pinned.
     ///
+    /// They trace with the best instructions that the processor has, or with those that the environment variable
+    /// `RAYBALANCE_ISA` names.
+    ///
     /// # Errors
     /// When the system cannot start a thread, or `RAYBALANCE_ISA` asks for instructions that there are not.
     pub fn open_all(threads: &[usize]) -> Result<Vec<Self>, OpenError> {
-        let kernel = launches::kernel().map_err(OpenError::Instructions)?;
+        Self::open_all_with(threads, None)
+    }
+
+    /// The same with instructions of the caller's choice, whatever the environment says. Nearest hits are the same bits with
+    /// each.
+    ///
+    /// # Errors
+    /// When the system cannot start a thread, or the processor lacks the instructions.
+    pub fn open_all_with(threads: &[usize], isa: Option<Isa>) -> Result<Vec<Self>, OpenError> {
+        let kernel = instructions::kernel(isa).map_err(OpenError::Instructions)?;
         let trees = Arc::new(Trees::default());
         let cores = core_affinity::get_core_ids().unwrap_or_default();
         let available = Self::cores();
@@ -53,6 +67,12 @@ impl CpuDevice {
     #[must_use]
     pub fn cores() -> usize {
         std::thread::available_parallelism().map_or(1, usize::from)
+    }
+
+    /// The instructions with which it traces.
+    #[must_use]
+    pub const fn isa(&self) -> Isa {
+        self.kernel.isa()
     }
 
     fn open(
@@ -88,7 +108,8 @@ impl Device for CpuDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let launches = self.trees.of(&scene).map(|tree| Launches::new(self.kernel, tree));
-        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, launches, clock, IN_FLIGHT)?))
+        let kernels = Kernels::of(self.isa());
+        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, kernels, launches, clock, IN_FLIGHT)?))
     }
 }
 
@@ -103,8 +124,8 @@ pub enum OpenError {
         /// What the thread pool says.
         source: rayon::ThreadPoolBuildError,
     },
-    /// The instructions that the environment asks for are not there.
-    Instructions(String),
+    /// There are no such instructions.
+    Instructions(InstructionsError),
 }
 
 impl fmt::Display for OpenError {
@@ -113,7 +134,7 @@ impl fmt::Display for OpenError {
             Self::Threads { threads, .. } => {
                 write!(f, "cannot start {threads} threads for a CPU device: ask for fewer")
             }
-            Self::Instructions(problem) => f.write_str(problem),
+            Self::Instructions(error) => error.fmt(f),
         }
     }
 }

@@ -1,27 +1,14 @@
-//! Launches in the widest words that the processor has: rays that nobody counts.
+//! Launches in the SIMD words of the processor: rays that nobody counts.
 
+use crate::tracer::coherence;
 use rt_bvh::BlockTree;
 use rt_core::{Hit, Precision, Ray, RayMask, RaySource, Scene, StreamSpec};
-use rt_simd::{Isa, Kernel, Scratch};
+use rt_simd::{Kernel, Scratch};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 /// Rays that are made or gathered before they are traced: as many as the kernels sort at once.
-const WINDOW: usize = 1024;
-
-/// The variable that chooses a set of instructions, for tests and comparisons.
-const VARIABLE: &str = "RAYBALANCE_ISA";
-
-/// The kernels for the processor, or those that the environment asks for.
-pub(crate) fn kernel() -> Result<Kernel, String> {
-    let Some(wanted) = std::env::var_os(VARIABLE) else {
-        return Ok(Kernel::best());
-    };
-    let wanted = wanted.to_string_lossy();
-    let isa: Isa = wanted.parse().map_err(|unknown| format!("{VARIABLE}={wanted}: {unknown}"))?;
-    Kernel::new(isa)
-        .ok_or_else(|| format!("{VARIABLE}={wanted}: this processor lacks these instructions; leave it unset"))
-}
+pub(crate) const WINDOW: usize = 1024;
 
 /// Trees that devices opened together have in common, so that a scene's is made and held once.
 #[derive(Debug, Default)]
@@ -87,13 +74,14 @@ impl Launches {
             (RaySource::Explicit { rays, origins }, None) => {
                 let range = range.start as usize..range.end as usize;
                 let excluded = origins.as_ref().map_or(&[][..], |origins| &origins[range.clone()]);
-                self.kernel.trace(&self.tree, &mut room.scratch, spec.query, &rays[range], excluded, hits);
+                let how = (spec.query, coherence(source, spec));
+                self.kernel.trace(&self.tree, &mut room.scratch, how, &rays[range], excluded, hits);
             }
             (_, Some((done, true))) => {
                 hits.fill(Hit::MISS);
                 let rest: Vec<u32> = range.clone().filter(|&ray| !done.contains(ray)).collect();
                 for numbers in rest.chunks(WINDOW) {
-                    room.trace(self, spec, numbers.iter().map(|&ray| source.ray(ray)));
+                    room.trace(self, source, spec, numbers.iter().map(|&ray| source.ray(ray)));
                     for (&ray, hit) in numbers.iter().zip(&room.hits) {
                         hits[(ray - range.start) as usize] = *hit;
                     }
@@ -105,7 +93,8 @@ impl Launches {
                 let mut numbers = range;
                 for hits in hits.chunks_mut(WINDOW) {
                     let rays = numbers.by_ref().take(hits.len());
-                    room.trace(self, spec, rays.map(|ray| if is_done(ray) { none } else { source.ray(ray) }));
+                    let rays = rays.map(|ray| if is_done(ray) { none } else { source.ray(ray) });
+                    room.trace(self, source, spec, rays);
                     hits.copy_from_slice(&room.hits);
                 }
             }
@@ -115,8 +104,14 @@ impl Launches {
 }
 
 impl Room {
-    /// Traces rays that are made here; the hits are in `hits`.
-    fn trace(&mut self, launches: &Launches, spec: StreamSpec, rays: impl Iterator<Item = (Ray, u32)>) {
+    /// Traces rays of a stream that are made here; the hits are in `hits`.
+    fn trace(
+        &mut self,
+        launches: &Launches,
+        source: &RaySource,
+        spec: StreamSpec,
+        rays: impl Iterator<Item = (Ray, u32)>,
+    ) {
         let Self { scratch, rays: made, excluded, hits } = self;
         made.clear();
         excluded.clear();
@@ -126,6 +121,7 @@ impl Room {
         }
         hits.clear();
         hits.resize(made.len(), Hit::MISS);
-        launches.kernel.trace(&launches.tree, scratch, spec.query, made, excluded, hits);
+        let how = (spec.query, coherence(source, spec));
+        launches.kernel.trace(&launches.tree, scratch, how, made, excluded, hits);
     }
 }

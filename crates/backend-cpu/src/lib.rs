@@ -20,9 +20,12 @@
 
 mod device;
 mod executor;
+mod instructions;
 mod launches;
 mod packets;
 mod stopwatch;
 mod tracer;
 
 pub use device::{CpuDevice, OpenError};
+pub use instructions::InstructionsError;
+pub use rt_simd::Isa;

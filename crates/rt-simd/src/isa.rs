@@ -22,6 +22,12 @@ impl Isa {
     /// All of them, the fastest last.
     pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
 
+    /// Those that this processor has, the fastest last.
+    #[must_use]
+    pub fn available() -> Vec<Self> {
+        Self::ALL.into_iter().filter(|&isa| Found::look_for(isa).is_some()).collect()
+    }
+
     /// The name, as [`Isa::from_str`] reads it.
     #[must_use]
     pub const fn name(self) -> &'static str {
