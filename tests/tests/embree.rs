@@ -68,7 +68,7 @@ fn main() {
         add(
             &name,
             Box::new(move |embree| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 compare(embree, &ours, &scene.name, &model)
             }),
         );

@@ -31,7 +31,7 @@ pub(crate) fn asan() -> Result<()> {
     tests.env("LSAN_OPTIONS", format!("suppressions={}:print_suppressions=0", suppressions.display()));
     tests.env("RT_REQUIRE", setup.provided.join(","));
     // Real scenes bring no other calls, and take long.
-    tests.env_remove("RAYBALANCE_SCENES");
+    tests.env_remove(real_scenes::VARIABLE);
     if let Some(library) = &setup.embree {
         tests.env(embree::VARIABLE, library);
     }
