@@ -1,8 +1,7 @@
-//! What the benchmarks share: scenes with cameras, and the tracers that ours are compared with.
+//! What the benchmarks share: scenes with cameras, and options.
 #![forbid(unsafe_code)]
 
 pub mod options;
-pub mod peers;
 
 use rt_bvh::Builder;
 use rt_core::{Precision, Query, RaySource};

@@ -5,7 +5,7 @@ use std::error::Error;
 /// Which scenes, how often, and how large a picture.
 #[derive(Debug)]
 pub struct Options {
-    /// As [`crate::BenchScene::open`] names them.
+    /// As [`crate::open`] names them.
     pub scenes: Vec<String>,
     /// Interleaved runs, at least one.
     pub runs: usize,

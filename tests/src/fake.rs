@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
-use rt_core::intersect::{Shear, round_distance};
+use rt_core::intersect::{Shear, round_distance, shear_axes};
 use rt_core::{
     Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
     RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
@@ -267,16 +267,23 @@ impl FakeTracer {
         })
     }
 
-    /// The nearest hit by edge functions in double precision as they come, without a bound on their errors.
+    /// The nearest hit by sheared edge functions in double precision as they come, without a bound on their errors.
     fn roughly(&self, ray: &Ray, origin: u32) -> Hit {
         let scale = 2.0_f64.powi(self.scene.scale_exponent());
         let (o, d) = (ray.origin.as_dvec3() / scale, ray.direction.as_dvec3());
+        let [x, y, z] = shear_axes(ray.direction);
+        let slopes = [d[x] / d[z], d[y] / d[z]];
         self.nearest(ray, origin, |triangle, primitive| {
-            let [a, b, c] = triangle.vertices().map(|p| p.as_dvec3() - o);
-            let edges = [d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))];
+            let [a, b, c] = triangle.vertices().map(|p| {
+                let p = p.as_dvec3() - o;
+                [p[x] - slopes[0] * p[z], p[y] - slopes[1] * p[z], p[z]]
+            });
+            let edge = |p: [f64; 3], q: [f64; 3]| q[0] * p[1] - q[1] * p[0];
+            let edges = [edge(b, c), edge(c, a), edge(a, b)];
             let determinant = edges.iter().sum::<f64>();
             let one_sign = edges.iter().all(|e| *e >= 0.0) || edges.iter().all(|e| *e <= 0.0);
-            let t = round_distance(a.dot(b.cross(c)) / determinant * scale);
+            let depth = edges[0] * a[2] + edges[1] * b[2] + edges[2] * c[2];
+            let t = round_distance(depth / determinant / d[z] * scale);
             let [_, u, v] = edges.map(|edge| (edge / determinant) as f32);
             let met = one_sign && determinant != 0.0 && ray.tmin <= t && t <= ray.tmax && t.is_finite();
             met.then_some(Hit { t, u, v, primitive })

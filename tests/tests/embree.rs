@@ -5,7 +5,7 @@
 //! counted and printed; on random rays there may be few, or they were not asked the same. Without its library the tests
 //! are ignored with the reason, unless `RT_REQUIRE` names `embree`. The program `parity` does the same with more rays.
 
-use backend_cpu::CpuDevice;
+use backend_cpu::{CpuDevice, Isa};
 use backend_vulkan::VulkanDevice;
 use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
@@ -68,7 +68,7 @@ fn main() {
         add(
             &name,
             Box::new(move |embree| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 compare(embree, &ours, &scene.name, &model)
             }),
         );
@@ -91,13 +91,14 @@ fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> R
     }
 }
 
-/// The processor with one thread, with two and over the eight-wide tree; every device of Vulkan and of wgpu with its
-/// usual layout, and the first of each with the two-wide one. What is missing is another test's business.
+/// The processor with all its instructions, with two threads, and over the compressed eight-wide tree; every device of
+/// Vulkan and of wgpu with its usual layout, and the first of each with the two-wide one. What is missing is another
+/// test's business.
 fn ours() -> Devices {
     let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
-    for threads in [1, 2] {
-        for device in CpuDevice::open_all(&[threads]).unwrap_or_default() {
-            found.push((format!("cpu, threads: {threads}"), Arc::new(device)));
+    for (threads, isa) in Isa::available().into_iter().map(|isa| (1, Some(isa))).chain([(2, None)]) {
+        for device in CpuDevice::open_all_with(&[threads], isa).unwrap_or_default() {
+            found.push((device.info().name.clone(), Arc::new(device)));
         }
     }
     found.push(("cpu, eight-wide".to_owned(), Arc::new(FakeDevice::wide())));

@@ -69,7 +69,7 @@ fn main() {
     match scenes::find() {
         Ok(found) => all.extend(found.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
-            trial(&name, Box::new(move || compare(&scene.name, &scenes::triangles(&scene.load()?))))
+            trial(&name, Box::new(move || compare(&scene.name, &scenes::triangles(&scenes::load(&scene)?))))
         })),
         Err(reason) => {
             let test = move || Ok(Completion::ignored_with(reason.clone()));

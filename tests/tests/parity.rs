@@ -25,7 +25,7 @@ fn main() {
     match scenes::find() {
         Ok(scenes) => trials.extend(scenes.into_iter().map(|scene| {
             Trial::test(scene.name.clone(), move || {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 examine(&scene.name, &model, RAYS)
             })
         })),

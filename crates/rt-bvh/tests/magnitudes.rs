@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Model, Random, closest, nasty_rays, scene_of, soup};
+use common::{Model, Random, closest, in_words, nasty_rays, scene_of, soup};
 use glam::Vec3;
 use rt_bvh::{Builder, PacketWalk, Stack, WideTree, trace_wide, walk_packets};
 use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec};
@@ -11,7 +11,7 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-/// The hits of every builder, precision and layout are those of every triangle in the coordinates of the file.
+/// The hits of every builder, precision, layout and set of instructions are those of every triangle in the coordinates of the file.
 fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
     let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
     let compare = |found: Vec<Hit>, how: &str| {
@@ -27,6 +27,9 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
             compare(in_packets(&scene, precision, rays), &format!("{builder}, {precision:?}, packets"));
         }
         compare(in_wide_tree(&scene, rays), &format!("{builder}, wide"));
+        for (isa, hits) in in_words(&scene, rays) {
+            compare(hits, &format!("{builder}, {isa}"));
+        }
     }
     expected
 }

@@ -43,7 +43,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let prepared = args.source.prepare(scene)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
+    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
     let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();

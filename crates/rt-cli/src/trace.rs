@@ -27,7 +27,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let prepared = args.source.prepare(&args.scene)?;
     let rays = rays.read(prepared.model.offset)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
+    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };

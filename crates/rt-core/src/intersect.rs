@@ -97,17 +97,17 @@ pub struct Intersection {
 const LEAST: f32 = f32::from_bits(1);
 
 /// Unit roundoff of double precision, ε.
-const EPSILON: f64 = f64::EPSILON / 2.0;
+pub const EPSILON: f64 = f64::EPSILON / 2.0;
 
 /// Factor of the bound on edge functions.
-const ERROR: f64 = 9.0 * EPSILON;
+pub const ERROR: f64 = 9.0 * EPSILON;
 
 /// Factor of the bound on edge functions of whatever triangle within a reach m: its X and Y are at most 2·m and Z is at most m, so
 /// R ≤ 3·m and the bound at most 108.1·ε·m². The rest is for the rounding of m in single precision.
 const ERROR_WITHIN_REACH: f64 = 128.0 * EPSILON;
 
 /// How many times the bound on edge functions their sum must be for weights to be right to 2⁻²⁴: each is off by that bound.
-const CLEAR: f64 = (1 << 26) as f64;
+pub const CLEAR: f64 = (1 << 26) as f64;
 
 /// The axis of the largest component, and the two others in cyclic order before it: `[x, y, dominant]`.
 #[inline]

@@ -268,4 +268,11 @@ impl Exam {
         let verdicts = rays.par_chunks(BATCH).flat_map_iter(|batch| reference.resolve_all(batch)).collect();
         Ok(Self { name, triangles, scene, rays, verdicts })
     }
+
+    /// How many rays are ambiguous, in words. An exact tracer is judged by the one right answer to those too.
+    pub(crate) fn ambiguity(&self) -> String {
+        let all = self.verdicts.iter().filter(|verdict| verdict.is_ambiguous()).count();
+        let ties = self.verdicts.iter().filter(|verdict| verdict.is_tie()).count();
+        format!("{all} of {} rays are ambiguous to inexact tracers, {ties} of them by ties", self.rays.len())
+    }
 }

@@ -99,7 +99,7 @@ fn run(arguments: &Arguments) -> Result<usize, String> {
 
 fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(usize, Value), String> {
     let begin = Instant::now();
-    let model = scene.load()?;
+    let model = scenes::load(scene)?;
     let triangles = scenes::triangles(&model);
     let camera = model.view.map(|view| view.camera()).transpose().map_err(|e| format!("{}: {e}", scene.name))?;
     let exam = Exam::new(&triangles, camera.as_ref(), arguments.rays, arguments.seed);

@@ -158,7 +158,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         Ok(scenes) => all.extend(scenes.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
             found.trial(&name, move |found| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 hits::compare(&*found.device, &model)
             })
         })),

@@ -64,7 +64,7 @@ fn block(scene: &Scene, slots: &[u32]) -> Block {
     for axis in &mut block.axes {
         let BlockAxis { a, b, c, .. } = *axis;
         let all = || a.into_iter().chain(b).chain(c);
-        (axis.low, axis.high) = (all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max));
+        axis.bounds = [all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max)];
     }
     block
 }

@@ -125,10 +125,8 @@ pub struct BlockAxis {
     pub b: [f32; BLOCK],
     /// Of the third vertices.
     pub c: [f32; BLOCK],
-    /// Least of them all.
-    pub low: f32,
-    /// Greatest of them all.
-    pub high: f32,
+    /// Least and greatest of them all.
+    pub bounds: [f32; 2],
     /// Primitive ids of two triangles: see [`Block::id`]. The third axis has none.
     ids: [u32; 2],
 }

@@ -1,15 +1,20 @@
-//! How graphics cards are used.
+//! How devices are used.
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use rt_balance::Device;
+use rt_balance::cpu::Isa;
 use rt_balance::devices::{self, CardOptions, Opener};
 use rt_balance::vulkan::{Layout, Layouts, Tuning};
 use std::sync::Arc;
 
-/// Choices about graphics cards, none of which changes a hit.
+/// Choices about devices, none of which changes a nearest hit.
 #[derive(Clone, Copy, Debug, Default, Args)]
-pub(crate) struct CardArgs {
+pub(crate) struct DeviceArgs {
+    /// Instructions that processors trace with: portable, avx2 or avx512 [default: the environment variable RAYBALANCE_ISA,
+    /// else the best there are]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) isa: Option<Isa>,
     /// Tree that graphics cards find hits over; tests are counted over the two-wide one
     #[arg(long, value_enum, default_value_t = LayoutArg::Auto)]
     pub(crate) layout: LayoutArg,
@@ -30,9 +35,9 @@ pub(crate) enum LayoutArg {
     Wide,
 }
 
-impl CardArgs {
-    /// As devices are opened with.
-    pub(crate) fn options(self) -> CardOptions {
+impl DeviceArgs {
+    /// Those about graphics cards.
+    pub(crate) fn cards(self) -> CardOptions {
         let layouts = match self.layout {
             LayoutArg::Auto => None,
             LayoutArg::Two => Some(Layouts { trace: Layout::Two, count: Layout::Two }),
@@ -43,7 +48,8 @@ impl CardArgs {
 
     /// Opens the devices of `--devices`, to work at the same time.
     pub(crate) fn open(self, list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
-        let opened = Opener::with_cards(self.options()).open(list.unwrap_or(devices::AUTO)).context("--devices")?;
+        let mut opener = Opener::with_cards(self.cards()).with_isa(self.isa);
+        let opened = opener.open(list.unwrap_or(devices::AUTO)).context("--devices")?;
         Ok(opened.into_iter().map(|opened| opened.device).collect())
     }
 }
