@@ -14,8 +14,8 @@ use std::path::Path;
 /// A stream's name, its rays, and what is asked of them.
 pub type NamedStream = (&'static str, RaySource, Query);
 
-/// A scene as the command would trace it, with a tree by `builder`: built-in, or an OBJ file, whose camera is taken from
-/// a `cameras.tsv` beside it if that names it.
+/// A scene as the command would trace it, with a tree by `builder`: built-in, or an OBJ file, whose camera is taken
+/// from a `cameras.tsv` beside it if that names it.
 ///
 /// # Errors
 /// When there is no such scene, its file cannot be loaded or its tree not be built.

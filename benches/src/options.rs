@@ -14,8 +14,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// Reads the command line; the picture is of `size` where it says nothing. `own` is shown each other option with what
-    /// gives its value, and says whether it knows it.
+    /// Reads the command line; the picture is of `size` where it says nothing. `own` is shown each other option with
+    /// what gives its value, and says whether it knows it.
     ///
     /// # Errors
     /// When an option is unknown, or its value wrong or missing.

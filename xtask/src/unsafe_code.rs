@@ -5,8 +5,8 @@ use crate::{embree, nightly, setup, vulkan};
 use anyhow::{Result, bail};
 
 /// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, the kernels for
-/// processors, both GPU backends with all layouts, and Embree beside them. The tests of lost devices hang them on purpose and
-/// hold them to limits of time, which instrumented programs on a shared machine do not keep.
+/// processors, both GPU backends with all layouts, and Embree beside them. The tests of lost devices hang them on
+/// purpose and hold them to limits of time, which instrumented programs on a shared machine do not keep.
 const TESTS: &str = "test --target x86_64-unknown-linux-gnu --no-fail-fast -p backend-vulkan -p backend-wgpu \
                      -p embree4-sys -p rt-simd -p rt-tests --lib --test abi --test embree --test gpu --test layouts \
                      --test peers --test rays";

@@ -1,5 +1,5 @@
-//! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays made
-//! there against rays sent, and what a ray of a bounce costs the host.
+//! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays
+//! made there against rays sent, and what a ray of a bounce costs the host.
 //!
 //! `cargo run --release -p rt-benches --bin launches -- SCENE... [--device 0] [--runs 7] [--size 512x512]
 //! [--lanes 128,1024,16384]`

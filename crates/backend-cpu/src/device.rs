@@ -38,8 +38,8 @@ impl CpuDevice {
         Self::open_all_with(threads, None)
     }
 
-    /// The same with instructions of the caller's choice, whatever the environment says. Nearest hits are the same bits with
-    /// each.
+    /// The same with instructions of the caller's choice, whatever the environment says. Nearest hits are the same bits
+    /// with each.
     ///
     /// # Errors
     /// When the system cannot start a thread, or the processor lacks the instructions.

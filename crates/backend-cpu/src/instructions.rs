@@ -6,7 +6,8 @@ use std::fmt;
 /// The variable that chooses instructions, for tests and comparisons.
 const VARIABLE: &str = "RAYBALANCE_ISA";
 
-/// The kernels for the instructions that the caller names, else those that the environment names, else the processor's best.
+/// The kernels for the instructions that the caller names, else those that the environment names, else the processor's
+/// best.
 pub(crate) fn kernel(isa: Option<Isa>) -> Result<Kernel, InstructionsError> {
     let variable = || std::env::var_os(VARIABLE).map(|name| name.to_string_lossy().into_owned());
     chosen(isa, variable)

@@ -52,14 +52,14 @@ impl Launches {
         Self { kernel, tree, idle: Mutex::new(Vec::new()) }
     }
 
-    /// Whether a stream's launches are for these kernels. `robust` and `f64` are the same hits. Counts depend on a ray's
-    /// company here, so that launches and samples could not be compared; and nothing here is `fast`'s.
+    /// Whether a stream's launches are for these kernels. `robust` and `f64` are the same hits. Counts depend on a
+    /// ray's company here, so that launches and samples could not be compared; and nothing here is `fast`'s.
     pub(crate) const fn suit(spec: StreamSpec) -> bool {
         !spec.counts && !matches!(spec.precision, Precision::Fast)
     }
 
-    /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are many, so that
-    /// others take their places in packets (see `tracer::FEW_DONE`).
+    /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are
+    /// many, so that others take their places in packets (see `tracer::FEW_DONE`).
     pub(crate) fn trace(
         &self,
         source: &RaySource,

@@ -5,17 +5,17 @@
 //! scene with the host and copy nothing. All CPU devices run the same kernels in the same order per ray, so any split
 //! of a stream over any of them gives the same bits.
 //!
-//! Launches that count nothing take the kernels of `rt-simd`, over its eight-wide tree, which devices opened together share: it is
-//! held beside the scene. The environment variable `RAYBALANCE_ISA` chooses their instructions (`avx512`, `avx2`, `portable`).
-//! Which candidate an any-hit ray reports then depends on the other rays.
+//! Launches that count nothing take the kernels of `rt-simd`, over its eight-wide tree, which devices opened together
+//! share: it is held beside the scene. The environment variable `RAYBALANCE_ISA` chooses their instructions (`avx512`,
+//! `avx2`, `portable`). Which candidate an any-hit ray reports then depends on the other rays.
 //!
-//! Samples, reduced walks, counted launches and the precision `fast` walk the two-wide tree in packets of sixteen, so that all that
-//! is counted is counted on one layout, and prices fit. Samples of a task come in the stream's order, along the Z-curve: so sparse
-//! ones are compacted into packets of near neighbours. Where the processor has AVX2, packets take its words; the one `unsafe` call
-//! is that.
+//! Samples, reduced walks, counted launches and the precision `fast` walk the two-wide tree in packets of sixteen, so
+//! that all that is counted is counted on one layout, and prices fit. Samples of a task come in the stream's order,
+//! along the Z-curve: so sparse ones are compacted into packets of near neighbours. Where the processor has AVX2,
+//! packets take its words; the one `unsafe` call is that.
 //!
-//! Current state and limits: samples cost several times as much a ray as launches do; cores are taken in the order the system
-//! lists them, without regard to hyper-threads or NUMA nodes.
+//! Current state and limits: samples cost several times as much a ray as launches do; cores are taken in the order the
+//! system lists them, without regard to hyper-threads or NUMA nodes.
 #![deny(unsafe_code)]
 
 mod device;

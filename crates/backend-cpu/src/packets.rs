@@ -35,8 +35,8 @@ impl Kernels {
         Self::Portable
     }
 
-    /// Walks rays and hands hits and counts to `sink`, in order. Neighbours in the list share packets, which pays where they
-    /// go alike.
+    /// Walks rays and hands hits and counts to `sink`, in order. Neighbours in the list share packets, which pays where
+    /// they go alike.
     pub(crate) fn walk<R, S>(
         self,
         scene: &Scene,

@@ -20,9 +20,9 @@ use std::time::Duration;
 /// reading of the clock (about 1 µs), so few that a task of 32 × 32 pixels feeds four threads.
 const CHUNK: usize = 256;
 
-/// Where no more than one ray in so many is done, their lanes stay empty; where more are, packets are filled up with later
-/// rays. Filling up after every gap would take all packets out of step with the Z-curve's squares of pixels: with one
-/// ray in 64 done that cost 5% of tracing coherent rays.
+/// Where no more than one ray in so many is done, their lanes stay empty; where more are, packets are filled up with
+/// later rays. Filling up after every gap would take all packets out of step with the Z-curve's squares of pixels: with
+/// one ray in 64 done that cost 5% of tracing coherent rays.
 const FEW_DONE: u32 = 4;
 
 /// A scene resident on a CPU device.
@@ -359,8 +359,8 @@ fn scattered<T: Copy>(values: &[T], order: &[(u32, usize)]) -> Vec<T> {
     placed
 }
 
-/// Rays that a thread traces before it looks for more work. One thread takes tasks whole; several take as many as kernels sort
-/// together, where that leaves enough for each of them.
+/// Rays that a thread traces before it looks for more work. One thread takes tasks whole; several take as many as
+/// kernels sort together, where that leaves enough for each of them.
 const fn chunk_of(rays: usize, threads: usize) -> usize {
     if threads == 1 {
         usize::MAX

@@ -11,7 +11,8 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-/// The hits of every builder, precision, layout and set of instructions are those of every triangle in the coordinates of the file.
+/// The hits of every builder, precision, layout and set of instructions are those of every triangle in the coordinates
+/// of the file.
 fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
     let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
     let compare = |found: Vec<Hit>, how: &str| {
@@ -58,8 +59,8 @@ fn model(triangles: &[[[f32; 3]; 3]]) -> Model {
     model
 }
 
-// A ray that passes a triangle of size 10⁻¹⁴ at 4.84 units, in a scene that a far triangle makes large: boxes are padded by so
-// much that the ray enters the small one's. Fails when double precision or a box decides.
+// A ray that passes a triangle of size 10⁻¹⁴ at 4.84 units, in a scene that a far triangle makes large: boxes are
+// padded by so much that the ray enters the small one's. Fails when double precision or a box decides.
 #[test]
 fn a_tiny_triangle_is_no_phantom() {
     let [a, b, c, d] = [[-50.0, -50.0, -2.0], [50.0, -50.0, -2.0], [50.0, 50.0, -2.0], [-50.0, 50.0, -2.0]];
@@ -154,8 +155,8 @@ fn rays_from_the_ends_of_the_number_range_hit() {
     assert!(hits > 200, "{hits}");
 }
 
-// Distances that single precision cannot tell from each other are ties. Fails when a limit that was rounded to a subnormal number
-// shuts boxes behind it.
+// Distances that single precision cannot tell from each other are ties. Fails when a limit that was rounded to a
+// subnormal number shuts boxes behind it.
 #[test]
 fn distances_that_all_but_vanish_are_ties_for_the_lowest_id() {
     let least = f32::from_bits(1);

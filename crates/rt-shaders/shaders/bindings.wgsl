@@ -1,6 +1,6 @@
 // What a launch reads and writes, but for the tree at binding 0, of which each layout has its own, the rays at binding
-// 4 and the list of them at binding 5. The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test compares
-// the offsets.
+// 4 and the list of them at binding 5. The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test
+// compares the offsets.
 
 struct Triangle {
     // Three vertices. Not vectors: those would be padded to 16 bytes.

@@ -1,8 +1,8 @@
 //! Extreme rays: those whose numbers are beyond what single precision holds with room to spare.
 //!
-//! Directions of 10⁻⁴⁰ or 10³⁹, origins that are 10²⁰ scenes away, scenes whose coordinates span most of single precision. One ray at
-//! a time, in double precision, whose exponents have room for all products of single-precision numbers that occur here. Slow, but
-//! right; and plain, so that tests compare the other kernels with it.
+//! Directions of 10⁻⁴⁰ or 10³⁹, origins that are 10²⁰ scenes away, scenes whose coordinates span most of single
+//! precision. One ray at a time, in double precision, whose exponents have room for all products of single-precision
+//! numbers that occur here. Slow, but right; and plain, so that tests compare the other kernels with it.
 
 use crate::rays::Frame;
 use crate::triangles::{reference, triangle};
@@ -11,8 +11,8 @@ use rt_bvh::{BlockChild, BlockTree};
 use rt_core::scale::pow2;
 use rt_core::{Aabb, Hit, Query, Ray};
 
-/// How much wider than their numbers boxes are taken to be, relative to distances of planes: far more than the few roundings of
-/// double precision.
+/// How much wider than their numbers boxes are taken to be, relative to distances of planes: far more than the few
+/// roundings of double precision.
 const SLACK: f64 = 1.0 / (1_u64 << 45) as f64;
 
 /// How much further than a limit boxes are visited, relative to it: a hit's distance was rounded to single precision.

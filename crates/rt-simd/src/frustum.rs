@@ -1,8 +1,8 @@
 //! Interval bounds of many rays: what a whole packet knows of a node's boxes.
 //!
-//! Rays of one octant go through the same planes of a box first. With the least and the greatest of their reciprocals, and the
-//! outermost of their padded origins, rounding being monotone, each bound below is on the far side of what (p − o′)·r is for any of
-//! them, bit for bit: what one ray enters, the frustum enters.
+//! Rays of one octant go through the same planes of a box first. With the least and the greatest of their reciprocals,
+//! and the outermost of their padded origins, rounding being monotone, each bound below is on the far side of what (p −
+//! o′)·r is for any of them, bit for bit: what one ray enters, the frustum enters.
 
 use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, Level};
 use crate::rays::{Group, Set};

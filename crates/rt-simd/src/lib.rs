@@ -1,13 +1,13 @@
 //! Tracing in the SIMD words of processors.
 //!
-//! [`Kernel`] finds hits of rays in a [`rt_bvh::BlockTree`]: nearest or any, those of [`rt_bvh::trace()`] bit for bit, by packets of
-//! 64 rays in words of AVX-512, AVX2 or whatever the target has. Where the caller does not say whether neighbours go alike, it looks;
-//! and it counts nothing, since what a packet visits depends on a ray's company.
+//! [`Kernel`] finds hits of rays in a [`rt_bvh::BlockTree`]: nearest or any, those of [`rt_bvh::trace()`] bit for bit,
+//! by packets of 64 rays in words of AVX-512, AVX2 or whatever the target has. Where the caller does not say whether
+//! neighbours go alike, it looks; and it counts nothing, since what a packet visits depends on a ray's company.
 //!
 //! # Current state and limits
 //!
-//! * `unsafe` is in the modules of intrinsics, and where the kernels compiled for them are called; it rests on a proof that only
-//!   finding the instructions makes.
+//! * `unsafe` is in the modules of intrinsics, and where the kernels compiled for them are called; it rests on a proof
+//!   that only finding the instructions makes.
 //! * No kernel for [`rt_core::Precision::Fast`].
 #![deny(unsafe_code)]
 
@@ -73,12 +73,12 @@ impl Kernel {
         self.0.isa()
     }
 
-    /// Traces rays, and writes the hit of each where it is in the order of the rays; `excluded` holds the primitive that each
-    /// starts on and must not hit (`u32::MAX`: none), or nothing. Invalid rays miss.
+    /// Traces rays, and writes the hit of each where it is in the order of the rays; `excluded` holds the primitive
+    /// that each starts on and must not hit (`u32::MAX`: none), or nothing. Invalid rays miss.
     ///
-    /// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the candidates, and
-    /// which one depends on the other rays. What is said of the rays' `coherence` costs time where it is wrong, less than twice as
-    /// much, and changes no nearest hit.
+    /// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the
+    /// candidates, and which one depends on the other rays. What is said of the rays' `coherence` costs time where it
+    /// is wrong, less than twice as much, and changes no nearest hit.
     ///
     /// # Panics
     /// When `hits` is not as long as `rays`, or `excluded` neither that nor empty.
@@ -135,6 +135,6 @@ impl Kernel {
     }
 }
 
-/// Where so few rays of a packet enter a node together they go on alone. Measured: 2 to 4 are alike for sorted diffuse rays, 8 and
-/// more slower.
+/// Where so few rays of a packet enter a node together they go on alone. Measured: 2 to 4 are alike for sorted diffuse
+/// rays, 8 and more slower.
 const FEW: u32 = 2;

@@ -1,8 +1,8 @@
 //! Rays that go any way, put in an order in which neighbours go alike.
 //!
-//! After the many schemes that sort secondary rays, of which B. Moon and others, *Cache-Oblivious Ray Reordering* (2010), give an
-//! overview; what pays here is the plainest: by octant and dominant axis of the direction, within a window, so that rays stay near
-//! those that left from nearby.
+//! After the many schemes that sort secondary rays, of which B. Moon and others, *Cache-Oblivious Ray Reordering*
+//! (2010), give an overview; what pays here is the plainest: by octant and dominant axis of the direction, within a
+//! window, so that rays stay near those that left from nearby.
 
 use crate::lanes::LANES;
 use crate::packet::RAYS;
@@ -12,11 +12,13 @@ use rt_core::{Hit, Ray};
 /// Rays that are sorted together: a task of 32 × 32 pixels.
 pub(crate) const WINDOW: usize = 1024;
 
-/// One ray in so many is looked at to find out whether neighbours go alike: one for each sixteen that are tested together.
+/// One ray in so many is looked at to find out whether neighbours go alike: one for each sixteen that are tested
+/// together.
 const STEP: usize = LANES;
 
-/// Whether so few neighbours go alike that sorting pays: more than two of a packet's four bins differ on average. Of camera rays
-/// and shadow rays towards the sun hardly any do, of diffuse rays nearly all. A wrong guess costs less than half the speed.
+/// Whether so few neighbours go alike that sorting pays: more than two of a packet's four bins differ on average. Of
+/// camera rays and shadow rays towards the sun hardly any do, of diffuse rays nearly all. A wrong guess costs less than
+/// half the speed.
 pub(crate) fn pays(rays: &[Ray]) -> bool {
     let (mut packets, mut bins) = (0, 0);
     for packet in rays.chunks_exact(RAYS) {

@@ -1,10 +1,11 @@
 //! Up to 64 rays that walk the tree together.
 //!
-//! After I. Wald, P. Slusallek, C. Benthin and M. Wagner, *Interactive Rendering with Coherent Ray Tracing* (2001), and for the
-//! bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire Ray Packets* (2006).
-//! The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds of all rays at once (the
-//! module `frustum`); of the children that these let through, each is tested with sixteen rays at a time, and goes on the stack
-//! with the set of those that enter it. Where few are left they go on one by one (the module `single`).
+//! After I. Wald, P. Slusallek, C. Benthin and M. Wagner, *Interactive Rendering with Coherent Ray Tracing* (2001), and
+//! for the bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire
+//! Ray Packets* (2006). The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds
+//! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
+//! at a time, and goes on the stack with the set of those that enter it. Where few are left they go on one by one (the
+//! module `single`).
 //!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
@@ -35,8 +36,8 @@ impl Packet {
         Self { groups: [const { Group::EMPTY }; GROUPS], stack: Stack::new() }
     }
 
-    /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left to enter a
-    /// node, they go on alone. The nearest hits, or with `ANY` whichever are found first, are in the groups.
+    /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left
+    /// to enter a node, they go on alone. The nearest hits, or with `ANY` whichever are found first, are in the groups.
     #[inline(always)]
     pub(crate) fn trace<L: Level, const ANY: bool>(
         &mut self,
@@ -152,7 +153,8 @@ impl Walk<'_> {
         }
     }
 
-    /// By axis, what belongs to the planes through which the rays enter a box, and to those through which they leave it.
+    /// By axis, what belongs to the planes through which the rays enter a box, and to those through which they leave
+    /// it.
     #[inline(always)]
     fn planes<'p, T>(&self, [x, y, z]: &'p [[T; 2]; 3]) -> [[&'p T; 2]; 3] {
         let pair = |axis: usize, planes: &'p [T; 2]| {

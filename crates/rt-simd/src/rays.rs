@@ -2,35 +2,40 @@
 //!
 //! # Local coordinates
 //!
-//! Those of the tree, in which a ray's direction is scaled by a power of two so that its largest component is in [1, 2). A local
-//! distance is a given one times a power of two of the ray's own. A ray for which that power, its reach or its direction is beyond
-//! what single precision holds with room to spare is *extreme*: the module `alone` traces it in double precision.
+//! Those of the tree, in which a ray's direction is scaled by a power of two so that its largest component is in [1,
+//! 2). A local distance is a given one times a power of two of the ray's own. A ray for which that power, its reach or
+//! its direction is beyond what single precision holds with room to spare is *extreme*: the module `alone` traces it in
+//! double precision.
 //!
 //! # Why box tests are conservative
 //!
-//! Let u = 2⁻²⁴; o and d the local origin and direction; p a plane of axis k; M_k the greatest distance along k from o to a plane of
-//! the scene's box, and M, the reach, the greatest of the three. A point of the scene at local distance t has |t| ≤ M and
+//! Let u = 2⁻²⁴; o and d the local origin and direction; p a plane of axis k; M_k the greatest distance along k from o
+//! to a plane of the scene's box, and M, the reach, the greatest of the three. A point of the scene at local distance t
+//! has |t| ≤ M and
 //! |t·d_k| ≤ M_k, since the largest component of d is at least 1.
 //!
-//! With r the computed reciprocal and o′ = o ± pad, the distance to a plane is computed in one of two ways: as (p − o′)·r, or as
-//! p·r − (o′·r) where the last product and difference may be one operation. Components of d below 2⁻⁶⁰ are replaced by that. The
-//! errors, in units of length along k (times r they are distances):
+//! With r the computed reciprocal and o′ = o ± pad, the distance to a plane is computed in one of two ways: as (p −
+//! o′)·r, or as p·r − (o′·r) where the last product and difference may be one operation. Components of d below 2⁻⁶⁰ are
+//! replaced by that. The errors, in units of length along k (times r they are distances):
 //!
-//! * o is a given number scaled, rounded once where it becomes subnormal: 2⁻¹⁵⁰, and the rounding of o ± pad: u·|o_k| + u·pad.
+//! * o is a given number scaled, rounded once where it becomes subnormal: 2⁻¹⁵⁰, and the rounding of o ± pad: u·|o_k| +
+//!   u·pad.
 //! * r is off by u of itself: u·(M_k + pad). Replacing a component moves points of the ray by at most 2⁻⁶⁰·M.
 //! * (p − o′)·r rounds twice: 2.01·u·(M_k + pad).
-//! * p·r − o′·r rounds both products, of |p| ≤ M_k + |o_k| and |o′|, and their difference: u·(2·|o_k| + 2.01·M_k + 2.01·pad).
-//! * The hit's distance was rounded to single precision: u·|t| ≤ u·M_k·r, or by less than 2⁻¹⁴⁹ in the given unit where it is that
-//!   small, which is at most 2⁻⁴⁹·M·r, as the factor to the local unit is at most 2¹⁰⁰·M.
+//! * p·r − o′·r rounds both products, of |p| ≤ M_k + |o_k| and |o′|, and their difference: u·(2·|o_k| + 2.01·M_k +
+//!   2.01·pad).
+//! * The hit's distance was rounded to single precision: u·|t| ≤ u·M_k·r, or by less than 2⁻¹⁴⁹ in the given unit where
+//!   it is that small, which is at most 2⁻⁴⁹·M·r, as the factor to the local unit is at most 2¹⁰⁰·M.
 //!
-//! All together at most u·(4.1·M_k + 3.1·|o_k| + 4.1·pad) + 2⁻⁴⁸·M. The padding is pad = u·(8·M_k + 4·|o_k| + 2⁻¹⁷·M), computed
-//! with a relative error of 8·u, which is more. It moves the planes through which a ray enters towards the origin, and those
-//! through which it leaves away from it, so a box that holds the point of a hit is entered before that hit's own distance, and
-//! left behind it, whatever the sign of t. Distances that vanish are off by less than 2⁻¹²⁵, which is far below pad·r ≥ 2⁻⁸³, as M
-//! is taken to be at least 2⁻⁴⁰; and nothing overflows, as M,
+//! All together at most u·(4.1·M_k + 3.1·|o_k| + 4.1·pad) + 2⁻⁴⁸·M. The padding is pad = u·(8·M_k + 4·|o_k| + 2⁻¹⁷·M),
+//! computed with a relative error of 8·u, which is more. It moves the planes through which a ray enters towards the
+//! origin, and those through which it leaves away from it, so a box that holds the point of a hit is entered before
+//! that hit's own distance, and left behind it, whatever the sign of t. Distances that vanish are off by less than
+//! 2⁻¹²⁵, which is far below pad·r ≥ 2⁻⁸³, as M is taken to be at least 2⁻⁴⁰; and nothing overflows, as M,
 //! |o_k| and r are at most 2⁶⁰. (Planes of empty slots make infinities of the right sign.)
 //!
-//! So boxes are entered by every ray that has a hit in them which is not behind its limit: hits do not depend on the tree.
+//! So boxes are entered by every ray that has a hit in them which is not behind its limit: hits do not depend on the
+//! tree.
 
 use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, WideLanes};
 use glam::Vec3;
@@ -44,15 +49,16 @@ const U: f32 = 1.0 / (1 << 24) as f32;
 /// Smallest magnitude of a direction's component, where the largest is at least 1.
 const SMALLEST: f32 = 1.0 / (1_u64 << 60) as f32;
 
-/// Smallest and largest reach of a ray that is not extreme, whose origin is no further from 0 than that either. Below the first
-/// the padding is that of the first.
+/// Smallest and largest reach of a ray that is not extreme, whose origin is no further from 0 than that either. Below
+/// the first the padding is that of the first.
 const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
 
-/// Smallest and largest power of two between a given and a local distance of a ray that is not extreme; and the largest one
-/// relative to the reach.
+/// Smallest and largest power of two between a given and a local distance of a ray that is not extreme; and the largest
+/// one relative to the reach.
 const FACTOR: [f32; 2] = [pow2(-100) as f32, pow2(100) as f32];
 
-/// Largest component of a direction, at least and at most, for which its power of two and that one's reciprocal are normal numbers.
+/// Largest component of a direction, at least and at most, for which its power of two and that one's reciprocal are
+/// normal numbers.
 const DIRECTION: [f32; 2] = [f32::MIN_POSITIVE, pow2(126) as f32];
 
 /// A set of the rays of one group, a bit each.
@@ -99,7 +105,8 @@ pub(crate) struct Group {
     pub(crate) error: Lanes,
     /// Of the filter: 5·u·m.
     pub(crate) floor: Lanes,
-    /// Of the reference test: the shear in double precision, and the given distance of a local unit along the dominant axis.
+    /// Of the reference test: the shear in double precision, and the given distance of a local unit along the dominant
+    /// axis.
     pub(crate) factors: [WideLanes; 3],
     /// Of the reference test: the origin, local, not rounded.
     pub(crate) exact_origin: [WideLanes; 3],

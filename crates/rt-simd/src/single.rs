@@ -90,7 +90,8 @@ impl Single {
     }
 }
 
-/// Visits what hangs below a child with one ray of a group, whose hit becomes the nearest so far, or with `ANY` the first.
+/// Visits what hangs below a child with one ray of a group, whose hit becomes the nearest so far, or with `ANY` the
+/// first.
 ///
 /// The stack is used from its top on, and left as it was.
 #[inline(always)]

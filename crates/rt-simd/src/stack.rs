@@ -1,7 +1,7 @@
 //! What is left to visit.
 
-/// Most entries: seven for each node of a path but the last, and eight for that; the deepest two-wide tree has 128 levels, and a
-/// leaf of as many triangles as there can be adds eleven to an eight-wide one.
+/// Most entries: seven for each node of a path but the last, and eight for that; the deepest two-wide tree has 128
+/// levels, and a leaf of as many triangles as there can be adds eleven to an eight-wide one.
 const ENTRIES: usize = 1024;
 
 /// A stack of children, each with the least distance at which its box is entered, and the rays that may enter it.

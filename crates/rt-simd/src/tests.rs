@@ -52,8 +52,8 @@ fn brute(triangles: &[Triangle], rays: &[Ray], excluded: &[u32]) -> Vec<Hit> {
     rays.iter().enumerate().map(nearest).collect()
 }
 
-/// Asserts that every kernel finds the hits of the definition and of single rays: the same bits for nearest hits, and for any hit
-/// one where there is one, which is a hit of its triangle.
+/// Asserts that every kernel finds the hits of the definition and of single rays: the same bits for nearest hits, and
+/// for any hit one where there is one, which is a hit of its triangle.
 fn assert_alike(triangles: &[Triangle], rays: &[Ray], excluded: &[u32], name: &str) {
     let scene = &*scene_of(triangles);
     let tree = BlockTree::new(scene).expect("few blocks");

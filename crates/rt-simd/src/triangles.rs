@@ -2,17 +2,18 @@
 //!
 //! # The filter
 //!
-//! It rejects what the reference test would certainly reject, by the bound that `rt_bvh`'s filter for single rays derives: with m
-//! the reach, X and Y the largest sheared coordinates, an edge function in single precision is within
-//! E = 18·u·m·(X + Y + 5·u·m) of the exact one. Products that are fused with a sum round once less: the bound holds. Beyond the
-//! error of one subtraction that it counts for a coordinate relative to the origin, the origin itself may have been rounded to a
-//! subnormal number: by 2⁻¹⁵⁰, which is far below u·m.
+//! It rejects what the reference test would certainly reject, by the bound that `rt_bvh`'s filter for single rays
+//! derives: with m the reach, X and Y the largest sheared coordinates, an edge function in single precision is within E
+//! = 18·u·m·(X + Y + 5·u·m) of the exact one. Products that are fused with a sum round once less: the bound holds.
+//! Beyond the error of one subtraction that it counts for a coordinate relative to the origin, the origin itself may
+//! have been rounded to a subnormal number: by 2⁻¹⁵⁰, which is far below u·m.
 //!
 //! # The reference test
 //!
-//! [`rt_core::intersect`] defines a hit, and how double precision meets the definition. Here eight rays are tested at once by the
-//! very operations of [`Shear`], in their order, each rounded once; so a lane whose edge functions have certain signs, and whose
-//! distance is certain to the last bit, gets the bits that [`Shear::hit`] gives. Any other lane asks [`Shear::hit`] itself.
+//! [`rt_core::intersect`] defines a hit, and how double precision meets the definition. Here eight rays are tested at
+//! once by the very operations of [`Shear`], in their order, each rounded once; so a lane whose edge functions have
+//! certain signs, and whose distance is certain to the last bit, gets the bits that [`Shear::hit`] gives. Any other
+//! lane asks [`Shear::hit`] itself.
 
 use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, Lanes, Level};
 use crate::rays::{Frame, Group, Set};
@@ -57,8 +58,8 @@ fn sheared<L: Level>(level: L, origin: [L::F16; 3], shear: [L::F16; 2], x: f32, 
     [depth.neg_mul_add(shear[0], level.splat(x) - origin[0]), depth.neg_mul_add(shear[1], level.splat(y) - origin[1])]
 }
 
-/// Tests rays of a group, whose dominant axis is `axes[2]`, against the triangle in a lane of a block. Returns those for which it
-/// is the best hit so far; `given` are the group's rays as the caller gave them.
+/// Tests rays of a group, whose dominant axis is `axes[2]`, against the triangle in a lane of a block. Returns those
+/// for which it is the best hit so far; `given` are the group's rays as the caller gave them.
 #[inline(always)]
 pub(crate) fn confirm<L: Level>(
     level: L,

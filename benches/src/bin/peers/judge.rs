@@ -8,8 +8,8 @@ use rt_verify::reference::Reference;
 /// Relative difference of distances from which on they are those of different surfaces, not of different roundings.
 const OTHER: f32 = 1e-3;
 
-/// Most rays of a stream that the exact reference decides: it tests them with every triangle. Beyond, the answers of this project
-/// stand for it.
+/// Most rays of a stream that the exact reference decides: it tests them with every triangle. Beyond, the answers of
+/// this project stand for it.
 const MOST: usize = 1_000;
 
 /// Rays of a stream, spread evenly, that the exact reference decides whatever is said of them.

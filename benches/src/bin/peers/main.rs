@@ -2,12 +2,13 @@
 //!
 //! `cargo run --release -p rt-benches --bin peers -- SCENE... [--builder NAME] [--runs 9] [--size 1024x1024] [--rays FILE.npy]`
 //!
-//! Scenes are `yard`, `car` or OBJ files. Their rays are those of a picture: camera rays, shadow rays and diffuse bounces; with
-//! `--rays` those of a file, as `raybalance trace` reads it, asked for nearest hits. Nobody says whether they are coherent, but to
-//! Embree, which is asked both ways.
+//! Scenes are `yard`, `car` or OBJ files. Their rays are those of a picture: camera rays, shadow rays and diffuse
+//! bounces; with `--rays` those of a file, as `raybalance trace` reads it, asked for nearest hits. Nobody says whether
+//! they are coherent, but to Embree, which is asked both ways.
 //!
-//! Times of one thread are processor time, which others on the machine disturb less; those of several are wall time. What Embree is
-//! given is laid out before the clock starts; what this project does to rays that a caller has in memory is part of its time.
+//! Times of one thread are processor time, which others on the machine disturb less; those of several are wall time.
+//! What Embree is given is laid out before the clock starts; what this project does to rays that a caller has in memory
+//! is part of its time.
 #![forbid(unsafe_code)]
 
 mod contender;

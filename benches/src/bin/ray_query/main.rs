@@ -3,10 +3,10 @@
 //!
 //! `cargo run --release -p rt-benches --bin ray_query -- SCENE... [--device 0] [--runs 7] [--size 512x512]`
 //!
-//! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute kernel
-//! with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read rays
-//! from a buffer and write four bytes a ray. The peer is not told which triangle a ray leaves: rays of bounces start at 2⁻¹⁶
-//! of the scene's largest coordinate instead.
+//! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute
+//! kernel with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read
+//! rays from a buffer and write four bytes a ray. The peer is not told which triangle a ray leaves: rays of bounces
+//! start at 2⁻¹⁶ of the scene's largest coordinate instead.
 #![deny(unsafe_code)]
 
 mod peer;

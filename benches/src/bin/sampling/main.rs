@@ -1,13 +1,13 @@
-//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the table of
-//! docs/results/sampling.md.
+//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the
+//! table of docs/results/sampling.md.
 //!
 //! `cargo run --release -p rt-benches --bin sampling -- SCENE... [--device cpu:1|vulkan:0] [--kinds primary,diffuse]
 //! [--one-of 8,64,128] [--size 1024x1024] [--runs 7]`
 //!
-//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each way,
-//! and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs. Walks count
-//! exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts, after one common
-//! scale, averaged over eight seeds.
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each
+//! way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs.
+//! Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts,
+//! after one common scale, averaged over eight seeds.
 #![forbid(unsafe_code)]
 
 mod options;

@@ -8,9 +8,9 @@ use core::fmt;
 use rt_core::{Aabb, Scene, Triangle};
 
 impl BlockTree {
-    /// Checks the tree against the scene that it was made of: that every triangle is in one leaf with its own id, every node
-    /// and block is reached once, every box holds what is below it, and every order names each slot once. Returns the number
-    /// of boxes.
+    /// Checks the tree against the scene that it was made of: that every triangle is in one leaf with its own id, every
+    /// node and block is reached once, every box holds what is below it, and every order names each slot once. Returns
+    /// the number of boxes.
     ///
     /// # Errors
     /// The first defect found; always one of this crate, never of the mesh.
@@ -88,8 +88,8 @@ impl<'s> Triangles<'s> {
         Self { scene, places }
     }
 
-    /// Finds the triangles of a block and returns the box that it states; `None` where one is not the scene's or found before,
-    /// a spare lane is not the first one, or the box does not hold them.
+    /// Finds the triangles of a block and returns the box that it states; `None` where one is not the scene's or found
+    /// before, a spare lane is not the first one, or the box does not hold them.
     fn take(&mut self, block: &Block, count: u32) -> Option<Aabb> {
         let corner = |side: usize| block.axes.each_ref().map(|axis| axis.bounds[side]).into();
         let stated = Aabb { min: corner(0), max: corner(1) };

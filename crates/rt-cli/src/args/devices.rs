@@ -11,8 +11,8 @@ use std::sync::Arc;
 /// Choices about devices, none of which changes a nearest hit.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct DeviceArgs {
-    /// Instructions that processors trace with: portable, avx2 or avx512 [default: the environment variable RAYBALANCE_ISA,
-    /// else the best there are]
+    /// Instructions that processors trace with: portable, avx2 or avx512 [default: the environment variable
+    /// RAYBALANCE_ISA, else the best there are]
     #[arg(long, value_name = "NAME")]
     pub(crate) isa: Option<Isa>,
     /// Tree that graphics cards find hits over; tests are counted over the two-wide one

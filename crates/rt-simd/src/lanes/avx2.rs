@@ -35,8 +35,8 @@ impl Avx2 {
 /// An expression of intrinsics.
 macro_rules! avx2 {
     ($($intrinsics:tt)*) => {
-        // SAFETY: `Avx2::detect` found the instructions: its proof is an argument of the function around this, or a word that
-        // was made with it. Addresses are those of references to arrays as long as what is loaded or stored.
+        // SAFETY: `Avx2::detect` found the instructions: its proof is an argument of the function around this, or a
+        // word that was made with it. Addresses are those of references to arrays as long as what is loaded or stored.
         unsafe { $($intrinsics)* }
     };
 }

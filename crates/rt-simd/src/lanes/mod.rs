@@ -1,11 +1,11 @@
 //! Numbers side by side, a lane each: what kernels compute with, and its three implementations.
 //!
-//! A [`Level`] makes words of numbers; words compute. There is a level for AVX-512, one for AVX2 and one of plain arrays, which
-//! compilers turn into whatever the target has. Kernels are generic over it and inlined into one function a level that is
-//! compiled for its instructions (the module `dispatch`).
+//! A [`Level`] makes words of numbers; words compute. There is a level for AVX-512, one for AVX2 and one of plain
+//! arrays, which compilers turn into whatever the target has. Kernels are generic over it and inlined into one function
+//! a level that is compiled for its instructions (the module `dispatch`).
 //!
-//! Sums, differences, products and quotients are rounded once each, as IEEE 754 says, to the same bits on every level. Only
-//! `mul_sub` and `neg_mul_add` may round once or twice.
+//! Sums, differences, products and quotients are rounded once each, as IEEE 754 says, to the same bits on every level.
+//! Only `mul_sub` and `neg_mul_add` may round once or twice.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
