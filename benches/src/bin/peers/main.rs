@@ -26,7 +26,6 @@ use rt_scene::prepare::Prepared;
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
 
 struct Options {
     scenes: Vec<String>,
