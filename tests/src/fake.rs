@@ -4,8 +4,8 @@ use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
 use rt_core::intersect::{Shear, round_distance, shear_axes};
 use rt_core::{
-    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
-    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
+    RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -64,8 +64,8 @@ pub enum Flaw {
     LosesDetails,
     /// A surface that a ray starts on is not hit.
     SkipsZero,
-    /// Launches never return counts, and there are no walks.
-    CountsNothing,
+    /// Counts, walks, and precisions but the robust one are refused.
+    RefusesExtras,
 }
 
 impl Flaw {
@@ -96,7 +96,7 @@ impl Flaw {
         Self::TrustsRoundings,
         Self::LosesDetails,
         Self::SkipsZero,
-        Self::CountsNothing,
+        Self::RefusesExtras,
     ];
 }
 
@@ -136,9 +136,16 @@ impl FakeDevice {
         Self::new(Some(flaw))
     }
 
+    /// The same device, that says this of itself.
+    #[must_use]
+    pub fn saying(mut self, capabilities: Capabilities) -> Self {
+        self.info = self.info.with_capabilities(capabilities);
+        self
+    }
+
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
-        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree);
+        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
         let info = DeviceInfo::new(name, "fake").with_in_flight(2).with_capabilities(capabilities);
         Self { info, flaw, wide: false }
     }
@@ -249,8 +256,8 @@ impl FakeTracer {
         (hit, counts)
     }
 
-    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
-    /// opposite the first vertex is hit.
+    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its
+    /// edge opposite the first vertex is hit.
     fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
         let shear = Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY);
         self.nearest(ray, origin, |triangle, primitive| {
@@ -335,7 +342,7 @@ impl FakeTracer {
                 results.1.push(counts);
             }
         }
-        if !self.spec.counts || self.has(Flaw::CountsNothing) {
+        if !self.spec.counts {
             results.1.clear();
         }
         results
@@ -352,6 +359,9 @@ impl Tracer for FakeTracer {
         {
             return invalid("rays and origins differ in number");
         }
+        if self.has(Flaw::RefusesExtras) && (spec.counts || spec.precision != Precision::Robust) {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "hits alone, and robust ones"));
+        }
         if !(self.loaded && self.has(Flaw::KeepsFirstRays)) {
             self.source = source;
         }
@@ -366,7 +376,7 @@ impl Tracer for FakeTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
-        if self.has(Flaw::CountsNothing) {
+        if self.has(Flaw::RefusesExtras) {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, "there are no walks"));
         }
         if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {

@@ -58,7 +58,7 @@ mod tests {
     // Mutant: only the innermost error is looked at, or only the outermost.
     #[test]
     fn wrong_usage_is_known_through_what_is_said_of_it() {
-        let wrong: anyhow::Result<()> = Err(usage("--fov must be above 0"));
+        let wrong: anyhow::Result<()> = Err(usage("--fov must be above 0").into());
         let error = wrong.context("the camera").unwrap_err();
         assert_eq!(Exit::of(&error), Exit::Usage);
         assert_eq!(Exit::of(&anyhow::anyhow!("no")), Exit::Failure);

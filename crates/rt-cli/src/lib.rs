@@ -11,7 +11,6 @@ mod frame;
 mod interrupt;
 mod list;
 mod memory;
-pub mod npy;
 mod progress;
 mod render;
 mod scene;

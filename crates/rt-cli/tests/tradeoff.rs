@@ -1,4 +1,5 @@
-//! `raybalance tradeoff` where devices differ in what they can do: graphics cards have two layouts, one kernel and fewer walks.
+//! `raybalance tradeoff` where devices differ in what they can do: graphics cards have two layouts, one kernel and
+//! fewer walks.
 //!
 //! Without a Vulkan device the tests that need one are ignored, with the reason, unless `RT_REQUIRE` names `vulkan`.
 

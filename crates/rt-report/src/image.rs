@@ -1,10 +1,11 @@
 //! Pictures from linear radiance.
 
+use crate::ReportError;
 use crate::output::write_atomically;
-use anyhow::{Result, ensure};
 use glam::Vec3;
+use png::EncodingError;
 use rayon::prelude::*;
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 /// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
@@ -17,9 +18,11 @@ const BLOCK: usize = 1 << 18;
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<()> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<(), ReportError> {
     let pixels = u64::from(width) * u64::from(height);
-    ensure!(radiance.len() as u64 == pixels, "{} radiances for a picture of {width} × {height}", radiance.len());
+    if radiance.len() as u64 != pixels {
+        return Err(ReportError::Pixels { size: [width, height], found: radiance.len() });
+    }
     write(path, [width, height], |out| {
         let mut bytes: Vec<[u8; 3]> = Vec::new();
         for block in radiance.chunks(BLOCK) {
@@ -31,23 +34,35 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
 }
 
 /// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
-pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
-    write(path, [width, height], |out| Ok(out.write_all(bytes)?))
+pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<(), ReportError> {
+    write(path, [width, height], |out| out.write_all(bytes))
 }
 
 /// Writes a PNG whose pixels `pixels` writes, three bytes each.
-fn write(path: &Path, [width, height]: [u32; 2], pixels: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+fn write(
+    path: &Path,
+    [width, height]: [u32; 2],
+    pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), ReportError> {
     write_atomically(path, |out| {
         let mut encoder = png::Encoder::new(out, width, height);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header()?;
-        let mut stream = writer.stream_writer()?;
+        let mut writer = encoder.write_header().map_err(unwrapped)?;
+        let mut stream = writer.stream_writer().map_err(unwrapped)?;
         pixels(&mut stream)?;
-        stream.finish()?;
-        Ok(writer.finish()?)
+        stream.finish().map_err(unwrapped)?;
+        writer.finish().map_err(unwrapped)
     })
+}
+
+/// The error of whoever was written to, as it was: callers look at its kind.
+fn unwrapped(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::IoError(error) => error,
+        error => io::Error::other(error),
+    }
 }
 
 /// Tone-mapped and encoded as 8-bit sRGB.

@@ -6,13 +6,16 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod chart;
+mod error;
 pub mod html;
 pub mod image;
 mod machine;
+pub mod npy;
 pub mod output;
 pub mod print;
 pub mod report;
 pub mod table;
 pub mod usage;
 
+pub use error::ReportError;
 pub use machine::{Machine, command_line, command_words};

@@ -1,4 +1,5 @@
-//! Real files, where the caller has them: `RAYBALANCE_SCENES` names the folder. What is not there is left out, and why is said.
+//! Real files, where the caller has them: `RAYBALANCE_SCENES` names the folder. What is not there is left out, and why
+//! is said.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_scene::obj::{LoadOptions, load_obj, unwatched};
@@ -6,7 +7,8 @@ use rt_scene::scan::Scan;
 use rt_scene::view::auto_view;
 use std::path::Path;
 
-/// Triangles and triangles without area of each file; those without area by exact arithmetic on its single-precision numbers.
+/// Triangles and triangles without area of each file; those without area by exact arithmetic on its single-precision
+/// numbers.
 const FILES: [(&str, u64, u64); 7] = [
     ("backyard", 213_802, 275),
     ("conference", 331_179, 0),

@@ -35,8 +35,8 @@ impl Extent {
         }
     }
 
-    /// Rays of each line about closed surfaces. There are 15 lines of edge-, vertex- and axis-aimed rays at offsets up to
-    /// 10⁶, which together make 10⁸ in the full suite.
+    /// Rays of each line about closed surfaces. There are 15 lines of edge-, vertex- and axis-aimed rays at offsets up
+    /// to 10⁶, which together make 10⁸ in the full suite.
     #[must_use]
     pub const fn rays(self) -> u32 {
         match self {
@@ -85,8 +85,8 @@ pub struct Subject {
     pub precision: Precision,
     /// Whether it walks the trees that `rt_bvh` builds. A tracer that builds its own is not judged by ours.
     pub walks_our_trees: bool,
-    /// Whether it promises hits as `rt_core::intersect` defines them: the one right answer to every ray, to the last bit of the
-    /// distance. Others may answer what careful tracers can see (`reference::Verdict::admits`).
+    /// Whether it promises hits as `rt_core::intersect` defines them: the one right answer to every ray, to the last
+    /// bit of the distance. Others may answer what careful tracers can see (`reference::Verdict::admits`).
     pub exact: bool,
 }
 

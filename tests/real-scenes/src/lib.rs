@@ -1,7 +1,7 @@
 //! Real scenes: the `.obj` and `.obj.xz` files of the folder that the environment variable `RAYBALANCE_SCENES` names.
 //!
-//! Packed ones are unpacked, once, into a folder of the project's own, beside `cameras.tsv` and the scenes that are not packed.
-//! `cargo xtask setup` does so beforehand; a test that is started by hand does it when it looks for scenes.
+//! Packed ones are unpacked, once, into a folder of the project's own, beside `cameras.tsv` and the scenes that are not
+//! packed. `cargo xtask setup` does so beforehand; a test that is started by hand does it when it looks for scenes.
 //!
 //! # Current state and limits
 //!
@@ -147,8 +147,8 @@ impl Folders {
         Ok(items)
     }
 
-    /// What has to lie in the target, sorted by name; a packed scene gives way to the same scene unpacked. Nothing where none is
-    /// packed, or where the source is the target itself.
+    /// What has to lie in the target, sorted by name; a packed scene gives way to the same scene unpacked. Nothing
+    /// where none is packed, or where the source is the target itself.
     fn items(&self) -> Result<Vec<Item>> {
         if self.target.canonicalize().is_ok_and(|target| target == self.source) {
             return Ok(Vec::new());
@@ -179,8 +179,8 @@ impl Folders {
 }
 
 impl Item {
-    /// Through a file of another name, so that an interruption leaves nothing that looks finished, and tests that run at the same
-    /// time do not write into each other's.
+    /// Through a file of another name, so that an interruption leaves nothing that looks finished, and tests that run
+    /// at the same time do not write into each other's.
     fn bring(&self) -> Result<()> {
         let folder = self.to.parent().context("it has no folder")?;
         let mut partial = tempfile::Builder::new().suffix(".partial").tempfile_in(folder)?;
@@ -231,7 +231,8 @@ mod tests {
         assert!(folders.is_up_to_date().unwrap() && !folders.target.exists());
     }
 
-    // Guards against: a table of cameras that is left behind, an old copy that is kept, a packed scene beside itself unpacked.
+    // Guards against: a table of cameras that is left behind, an old copy that is kept, a packed scene beside itself
+    // unpacked.
     #[test]
     fn what_lies_beside_a_packed_scene_comes_over_once_and_again_when_newer() {
         let dir = tempfile::tempdir().unwrap();

@@ -7,8 +7,8 @@
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
 //! another of the admitted answers than a tree; wrong answers, over all builders, both layouts, both careful precisions
-//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
-//! kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
+//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray
+//! and by kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
 #![forbid(unsafe_code)]
 
 use rt_bvh::{Builder, WideTree};

@@ -247,10 +247,10 @@ impl Case {
             coherence: Coherence::Unknown,
             tasks,
             seed,
-            part: 0,
+            wave: 0,
             source: Some(source),
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());

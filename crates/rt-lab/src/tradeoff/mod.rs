@@ -9,8 +9,8 @@ mod streams;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Result, anyhow};
 use rt_balance::Scheduling;
 use rt_core::Device;
@@ -143,7 +143,7 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
         let reasons = left_out.join("; ");
-        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
+        return Err(if common.devices.is_some() { usage(reasons).into() } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
@@ -159,23 +159,23 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
     let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let stretch = Stretch::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
+    let time = TimeBudget::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
     let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
     for (index, trade) in trades.into_iter().enumerate() {
-        let stretch = stretch.part(&weights, index);
-        stretch.label(trade.name);
+        let time = time.part(&weights, index);
+        time.label(trade.name);
         let on = if trade.name == LAYOUT { &layout::one_each(&cards) } else { &devices };
-        let setting = setting(lab, common, trade, (on, &cards), stretch)?;
+        let setting = setting(lab, common, trade, (on, &cards), time)?;
         (trade.run)(&setting, &mut page)?;
     }
-    stretch.finish();
+    time.finish();
     finish(lab, &page, &common.out, begin)
 }
 
 /// Whether the files of all trades can be written.
 fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
     let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
-    Outputs::new().folder("--out", out, files).scenes(scenes).check()
+    Ok(Outputs::new().folder("--out", out, files).scenes(scenes).check()?)
 }
 
 /// The device that is named, or the usual one.
@@ -186,7 +186,8 @@ fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
         (Some(device), true) => Ok(device),
         _ => Err(usage(format!(
             "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
-        ))),
+        ))
+        .into()),
     }
 }
 
@@ -196,10 +197,10 @@ fn setting<'a>(
     args: &'a Options,
     trade: &Trade,
     (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
-    stretch: Stretch<'a>,
+    time: TimeBudget<'a>,
 ) -> Result<Setting<'a>> {
     let most = if args.quick { QUICK_SIZE } else { SIZE };
-    let size = match (args.size, stretch.left()) {
+    let size = match (args.size, time.left()) {
         (Some(size), _) => size,
         (None, None) => most,
         (None, Some(left)) => {
@@ -217,7 +218,7 @@ fn setting<'a>(
         seed: args.seed,
     };
     let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
-    Ok(Setting { lab, args, devices, cards, size, repeat, stretch, head })
+    Ok(Setting { lab, args, devices, cards, size, repeat, time, head })
 }
 
 /// Rays that the devices trace in a second, together or in turn: of the first scene, primary and diffuse ones.
@@ -268,16 +269,16 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     check_outputs(&own.out, &trades, &own.scenes)?;
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
-    let stretch = Stretch::whole(lab.show, None);
-    precision::run(lab, own, &stretch, &mut page)?;
-    stretch.finish();
+    let time = TimeBudget::whole(lab.show, None);
+    precision::run(lab, own, &time, &mut page)?;
+    time.finish();
     finish(lab, &page, &own.out, begin)
 }
 
 /// The precision trade as one of all.
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let own = precision::Options { size: Some(setting.size), ..precision::Options::of(setting.args, DEVICE) };
-    precision::run(setting.lab, &own, &setting.stretch, page)
+    precision::run(setting.lab, &own, &setting.time, page)
 }
 
 #[cfg(test)]

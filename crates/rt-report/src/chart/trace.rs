@@ -4,8 +4,8 @@
 //! one thread per device, and one more for the streams.
 
 use super::bars;
+use crate::ReportError;
 use crate::output::write_atomically;
-use anyhow::Result;
 use rt_balance::report::{ActivityKind, StreamRun};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -17,14 +17,14 @@ const NODE: u32 = 0;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_json(path: &Path, runs: &[StreamRun]) -> Result<()> {
+pub fn write_json(path: &Path, runs: &[StreamRun]) -> Result<(), ReportError> {
     write_atomically(path, |out| {
         write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
         for (index, event) in events(runs).enumerate() {
             out.write_all(if index == 0 { b"\n" } else { b",\n" })?;
             serde_json::to_writer(&mut *out, &event)?;
         }
-        Ok(out.write_all(b"\n]}\n")?)
+        out.write_all(b"\n]}\n")
     })
 }
 

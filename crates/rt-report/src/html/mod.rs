@@ -7,9 +7,9 @@ mod cost_map;
 pub mod render;
 
 use crate::Machine;
+use crate::ReportError;
 use crate::output::write_atomically;
 use crate::table::Table;
-use anyhow::Result;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -140,9 +140,9 @@ impl Page {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let html = self.to_html();
-        write_atomically(path, |out| Ok(out.write_all(html.as_bytes())?))
+        write_atomically(path, |out| out.write_all(html.as_bytes()))
     }
 }
 

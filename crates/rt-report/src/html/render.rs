@@ -2,11 +2,11 @@
 
 use super::Page;
 use super::cost_map::Costs;
+use crate::ReportError;
 use crate::chart::cost::CostMap;
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
 use crate::{Machine, command_line, table};
-use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
 use std::path::Path;
@@ -37,13 +37,13 @@ impl Rendered<'_> {
     ///
     /// # Errors
     /// When the picture cannot be read or the page not be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let scene = &self.report.scene;
         let seeds = format!("Seed {} of samples, pixels and bounces.", self.seed);
         let title = format!("raybalance: {}", scene.source);
         let mut page = Page::new(&title, &command_line(), &Machine::this(), &seeds);
         page.section("Picture");
-        let png = std::fs::read(self.picture).with_context(|| format!("cannot read `{}`", self.picture.display()))?;
+        let png = std::fs::read(self.picture).map_err(|source| ReportError::read(self.picture, source))?;
         let [width, height] = self.size;
         page.picture(
             &png,
