@@ -9,7 +9,11 @@ use rt_benches::peers::{Peer, Peers, Run};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
+use rt_report::exit;
+use rt_report::print::{Stdout, note};
 use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// What is timed; the first one is what the others are compared with.
@@ -35,18 +39,23 @@ struct Options {
     size: [u32; 2],
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run_all)
+}
+
+fn run_all() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!(
+    writeln!(Stdout, "command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
+    writeln!(
+        Stdout,
         "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n\
          Behind a peer's time: by how many rays in a million it hits more than we do (+) or fewer.\n",
         options.runs
-    );
-    print!("| scene | rays | robust Mray/s |");
-    KERNELS[1..].iter().for_each(|(name, _)| print!(" {name} |"));
-    Peer::ALL.iter().for_each(|peer| print!(" {} |", peer.name()));
-    println!("\n|---|---|---|{}", "---|".repeat(KERNELS.len() - 1 + Peer::ALL.len()));
+    )?;
+    write!(Stdout, "| scene | rays | robust Mray/s |")?;
+    KERNELS[1..].iter().try_for_each(|(name, _)| write!(Stdout, " {name} |"))?;
+    Peer::ALL.iter().try_for_each(|peer| write!(Stdout, " {} |", peer.name()))?;
+    writeln!(Stdout, "\n|---|---|---|{}", "---|".repeat(KERNELS.len() - 1 + Peer::ALL.len()))?;
     for name in &options.scenes {
         bench(name, &options)?;
     }
@@ -59,7 +68,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let scene = build(mesh, &BuildOptions { builder: options.builder, ..BuildOptions::default() })?.scene;
     let mut peers = Peers::new(&bench.model, &scene)?;
     if let Some(reason) = peers.missing() {
-        eprintln!("{name}: left out: {reason}");
+        note(format_args!("{name}: left out: {reason}"));
     }
     let streams = bench.streams(&scene, options.size)?;
     for (kind, source, query) in streams.iter().filter(|(_, source, _)| !source.is_empty()) {
@@ -79,18 +88,18 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
         let over = |these: &mut dyn Iterator<Item = f64>| {
             median(&these.zip(&times[0]).map(|(a, b)| a / b).collect::<Vec<_>>())
         };
-        print!("| {} | {kind} | {:.2} |", bench.name, f64::from(source.len()) / median(&times[0]) / 1e6);
-        times[1..].iter().for_each(|times| print!(" {:.2} |", over(&mut times.iter().copied())));
+        write!(Stdout, "| {} | {kind} | {:.2} |", bench.name, f64::from(source.len()) / median(&times[0]) / 1e6)?;
+        times[1..].iter().try_for_each(|times| write!(Stdout, " {:.2} |", over(&mut times.iter().copied())))?;
         for runs in &others {
             match runs.first() {
                 Some(first) => {
                     let more = (first.hits as f64 - hits as f64) / f64::from(source.len()) * 1e6;
-                    print!(" {:.2} ({more:+.0}) |", over(&mut runs.iter().map(|run| run.seconds)));
+                    write!(Stdout, " {:.2} ({more:+.0}) |", over(&mut runs.iter().map(|run| run.seconds)))?;
                 }
-                None => print!(" – |"),
+                None => write!(Stdout, " – |")?,
             }
         }
-        println!();
+        writeln!(Stdout)?;
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use crate::pipeline::{self, BUFFERS, Pipeline};
 use crate::probe;
 use ash::vk;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
+use rt_gpu::{BadVariable, Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
 use rt_shaders::{FloatControls, Kernel, Layout, Purpose};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -35,10 +35,11 @@ pub struct Options {
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
-    #[must_use]
-    pub fn from_env() -> Self {
-        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
-        Self { validation, ..Self::default() }
+    ///
+    /// # Errors
+    /// When the variable is neither `1` nor `0` nor empty.
+    pub fn from_env() -> Result<Self, BadVariable> {
+        Ok(Self { validation: rt_gpu::switch("RAYBALANCE_VULKAN_VALIDATION")?, ..Self::default() })
     }
 
     fn faults(&self) -> Faults {

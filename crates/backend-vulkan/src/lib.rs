@@ -44,5 +44,5 @@ pub use device::{Options, VulkanDevice};
 pub use error::OpenError;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
+pub use rt_gpu::{BadVariable, Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

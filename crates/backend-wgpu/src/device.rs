@@ -6,7 +6,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use crate::probe;
 use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
-use rt_gpu::{Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
+use rt_gpu::{BadVariable, Card, Faults, GpuDevice, Layouts, Profile, Trials, Tuning, fault_of_llvmpipe};
 use rt_shaders::{Kernel, Layout, Purpose};
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -32,10 +32,11 @@ pub struct Options {
 
 impl Options {
     /// Trusted kernels if the environment variable `RAYBALANCE_WGPU_TRUSTED` is `1`.
-    #[must_use]
-    pub fn from_env() -> Self {
-        let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
-        Self { trusted, ..Self::default() }
+    ///
+    /// # Errors
+    /// When the variable is neither `1` nor `0` nor empty.
+    pub fn from_env() -> Result<Self, BadVariable> {
+        Ok(Self { trusted: rt_gpu::switch("RAYBALANCE_WGPU_TRUSTED")?, ..Self::default() })
     }
 
     fn faults(&self) -> Faults {

@@ -33,4 +33,4 @@ pub use device::{Options, WgpuDevice};
 pub use error::OpenError;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};
+pub use rt_gpu::{BadVariable, Card, GpuDevice, Layout, Layouts, Profile, Tally, Tuning};

@@ -38,9 +38,11 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
     let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
     scene::check([scene])?;
-    outputs.scenes([scene]).check()?;
+    let outputs = outputs.scenes([scene]);
+    outputs.check()?;
     let waves = cut(args, Room::now())?;
     let prepared = args.source.prepare(scene)?;
+    outputs.spare_materials(&prepared.libraries)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;

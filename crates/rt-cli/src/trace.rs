@@ -24,6 +24,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     outputs.check()?;
     let rays = npy::RayFile::open(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
+    outputs.spare_materials(&prepared.libraries)?;
     let rays = rays.read(prepared.model.offset)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.cards.open(args.balance.devices.as_deref())?;

@@ -27,6 +27,7 @@ mod board;
 pub mod bounce;
 pub mod camera;
 mod card;
+mod environment;
 mod faults;
 mod image;
 mod maker;
@@ -43,6 +44,7 @@ mod work;
 
 pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
+pub use environment::{BadVariable, switch};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;
 pub use faults::Faults;

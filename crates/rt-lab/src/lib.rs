@@ -13,7 +13,6 @@
 //! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
 //! here knows a command line or a terminal.
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod bench;
 pub mod contenders;

@@ -4,6 +4,8 @@ use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
 use rt_core::{StreamKind, Task};
 use rt_report::chart::{cost, timeline, trace};
+use rt_report::print::Stdout;
+use std::io::Write;
 use std::path::Path;
 
 fn main() -> anyhow::Result<()> {
@@ -21,7 +23,7 @@ fn main() -> anyhow::Result<()> {
     costs(&folder.join("cost-large.png"), 1920, 1080, 8)?;
     costs(&folder.join("cost-small.png"), 64, 96, 16)?;
     spheres(&folder.join("image.png"))?;
-    println!("written to {}", folder.display());
+    writeln!(Stdout, "written to {}", folder.display())?;
     Ok(())
 }
 

@@ -3,9 +3,9 @@
 //! Nothing here measures or decides: it is handed [`StreamRun`](rt_balance::report::StreamRun)s and numbers, and writes
 //! files that are there in full or not at all ([`output`]).
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod chart;
+pub mod exit;
 pub mod html;
 pub mod image;
 mod machine;

@@ -2,7 +2,7 @@
 
 mod tables;
 
-use crate::command::{cargo, root, run, shown};
+use crate::command::{cargo, root, run, say, shown};
 use crate::setup::setup;
 use anyhow::{Context, Result, bail};
 use std::fs;
@@ -82,7 +82,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     tables.push_str(&full);
     let file = out.join("tables.md");
     fs::write(&file, tables).with_context(|| format!("cannot write `{}`", file.display()))?;
-    println!("\ntables in {OUT}/tables.md, raw numbers in errors.json, the figure in figure1");
+    say(format_args!("\ntables in {OUT}/tables.md, raw numbers in errors.json, the figure in figure1"));
     Ok(())
 }
 
@@ -90,7 +90,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
 fn scenes(folder: Option<&Path>) -> Result<Vec<PathBuf>> {
     let mut found = vec![PathBuf::from("yard"), PathBuf::from("car")];
     let Some(folder) = folder else {
-        println!("RAYBALANCE_SCENES is not set: built-in scenes only");
+        say("RAYBALANCE_SCENES is not set: built-in scenes only");
         return Ok(found);
     };
     let context = || format!("cannot list `{}`", folder.display());
@@ -116,7 +116,7 @@ fn program(name: &str) -> Command {
 /// What a program prints; its progress goes to the terminal.
 fn output(command: &mut Command) -> Result<String> {
     let line = shown(command);
-    println!("$ {line}");
+    say(format_args!("$ {line}"));
     let result = command.stderr(Stdio::inherit()).output().with_context(|| format!("cannot start `{line}`"))?;
     if !result.status.success() {
         bail!("`{line}` failed ({})", result.status);

@@ -98,6 +98,39 @@ fn what_is_appended_to_a_log_leaves_the_log() {
     assert_eq!(fs::read(folder.at("log")).unwrap(), held);
 }
 
+/// Material libraries are found in the scene's file, wherever and however it names them.
+// Mutants: libraries left out of `Prepared`; one of the commands that does not ask; names compared instead of files.
+#[test]
+fn materials_of_a_scene_are_not_overwritten() {
+    let folder = Folder::new();
+    fs::create_dir(folder.at("sub")).unwrap();
+    let scene = fs::read_to_string(folder.at("scene.obj")).unwrap();
+    fs::write(folder.at("scene.obj"), format!("mtllib a.mtl sub/B.mtl\nmtllib report.json\n{scene}")).unwrap();
+    for name in ["a.mtl", "sub/b.mtl", "report.json"] {
+        fs::write(folder.at(name), "newmtl red\nKd 1 0 0\n").unwrap();
+    }
+    let before = folder.names();
+    for words in [
+        "trace scene.obj --rays rays.npy --hits a.mtl",
+        "trace scene.obj --rays rays.npy --hits hits.npy --counts ./sub/b.mtl",
+        "render scene.obj --out .",
+        "bench scene.obj --quick --devices cpu:1 --out sub/b.mtl",
+    ] {
+        let ended = folder.run(words);
+        assert!(ended.code == Some(2) && ended.err.contains("would overwrite the materials"), "{words}: {ended:?}");
+        assert_eq!(folder.names(), before, "{words}");
+    }
+    fs::write(folder.at("scene.obj"), format!("mtllib report.html\n{scene}")).unwrap();
+    fs::write(folder.at("report.html"), "newmtl red\n").unwrap();
+    for words in
+        ["figure1 scene.obj --quick --devices cpu:1", "tradeoff precision scene.obj", "tradeoff build scene.obj"]
+    {
+        let ended = folder.run(&format!("{words} --out ."));
+        assert!(ended.code == Some(2) && ended.err.contains("would overwrite the materials"), "{words}: {ended:?}");
+    }
+    assert_eq!(fs::read_to_string(folder.at("report.html")).unwrap(), "newmtl red\n");
+}
+
 #[test]
 fn names_need_not_be_text() {
     let folder = Folder::new();

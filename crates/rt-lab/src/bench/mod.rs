@@ -60,9 +60,9 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         [] => DEFAULT_SCENES.map(PathBuf::from).to_vec(),
         named => named.to_vec(),
     };
-    if let Some(path) = &options.out {
-        Outputs::new().file("--out", path).scenes(&scenes).check()?;
-    }
+    let outputs = options.out.iter().fold(Outputs::new(), |outputs, path| outputs.file("--out", path)).scenes(&scenes);
+    outputs.check()?;
+    let lab = lab.writing(&outputs);
     let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
@@ -78,7 +78,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         lab.show.print(results::introduction(repeat).trim_end())?;
     }
     for name in &scenes {
-        let prepared = (lab.scenes)(name)?;
+        let prepared = lab.prepare(name)?;
         let scene = BenchScene::new(&prepared);
         let described = SceneResult {
             source: prepared.model.source.clone(),

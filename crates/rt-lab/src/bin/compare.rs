@@ -12,11 +12,15 @@ use rt_balance::stats::{Summary, median};
 use rt_balance::{Balancer, Control, Device, Hit, Limits, Reference, Scheduling, Stream, StreamKind, StreamSpec};
 use rt_lab::DEFAULT_BUILDER;
 use rt_lab::contenders::{CONTENDERS, HYBRID};
+use rt_report::exit;
+use rt_report::print::{Stdout, note};
 use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
 use rt_scene::streams::{Paths, Wave};
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::io::{self, Write};
 use std::path::Path;
+use std::process::ExitCode;
 use std::sync::Arc;
 
 struct Options {
@@ -31,7 +35,11 @@ struct Options {
     json: Option<String>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     let scene = prepare(Path::new(&options.scene), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
     let devices: Vec<Arc<dyn Device>> =
@@ -57,11 +65,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             references.push(balancer.reference(&stream, 1, &Limits::default(), Control::default())?);
             rounds.push(runs);
         }
-        eprintln!("round {round} of {}", options.runs);
+        note(format_args!("round {round} of {}", options.runs));
     }
     let reference = Reference::median(&references).ok_or("no round was run")?;
     rounds.iter_mut().flatten().for_each(|run| reference.judge(run));
-    print(&scene, &options, &rounds, &reference);
+    print(&scene, &options, &rounds, &reference)?;
     if let Some(path) = &options.json {
         let reports: Vec<Vec<_>> =
             rounds.iter().map(|runs| runs.iter().map(|run| &run.report).collect::<Vec<_>>()).collect();
@@ -89,10 +97,11 @@ fn stream(scene: &Prepared, options: &Options, balancer: &mut Balancer) -> Resul
     Ok(cut(diffuse.source, diffuse.kind))
 }
 
-fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], reference: &Reference) {
+fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], reference: &Reference) -> io::Result<()> {
     let first = &rounds[0][0].report;
-    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!(
+    writeln!(Stdout, "command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
+    writeln!(
+        Stdout,
         "{}: {} rays ({}), {} tasks, {} devices, lower bound {:.3} s, medians of {} interleaved runs\n",
         scene.name,
         first.rays,
@@ -101,13 +110,14 @@ fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], referen
         options.devices.len(),
         reference.lower_bound_s,
         rounds.len()
-    );
-    println!(
+    )?;
+    writeln!(
+        Stdout,
         "| queue | makespan s (min – max) | % of {} [interval] | imbalance % | excess % | overhead % | error vs counts % | vs \
          time % |",
         HYBRID.name
-    );
-    println!("|---|---|---|---|---|---|---|---|");
+    )?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|---|")?;
     let rival = CONTENDERS.iter().position(|contender| contender.name == HYBRID.name).unwrap_or_default();
     let rival: Vec<f64> = rounds.iter().map(|runs| runs[rival].report.makespan_s).collect();
     for (index, config) in CONTENDERS.iter().enumerate() {
@@ -118,7 +128,8 @@ fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], referen
         let makespan = values(&|run| Some(run.report.makespan_s));
         let [low, high] = [f64::min, f64::max].map(|pick| makespan.iter().copied().reduce(pick).unwrap_or(f64::NAN));
         let ratio = Summary::of_ratios(&makespan, &rival);
-        println!(
+        writeln!(
+            Stdout,
             "| {} | {:.3} ({low:.3} – {high:.3}) | {:.1} [{:.1} – {:.1}] | {} | {} | {} | {} | {} |",
             config.name,
             median(&makespan),
@@ -130,8 +141,9 @@ fn print(scene: &Prepared, options: &Options, rounds: &[Vec<StreamRun>], referen
             percent(&|run| run.report.estimate.overhead),
             percent(&|run| run.report.estimate.mre_counts),
             percent(&|run| run.report.estimate.mre_time),
-        );
+        )?;
     }
+    Ok(())
 }
 
 impl Options {

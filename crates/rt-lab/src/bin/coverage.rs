@@ -24,13 +24,17 @@ use rt_core::{
     StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
 use rt_lab::DEFAULT_BUILDER;
+use rt_report::exit;
+use rt_report::print::Stdout;
 use rt_scene::prepare::{Options as Prepare, prepare};
 use rt_scene::streams::{self, PathStream, Wave};
 use rt_sched::estimate::interval_95;
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::io::{self, Write};
 use std::path::Path;
+use std::process::ExitCode;
 
 /// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
 const LEAST_OF_A_TASK: f64 = 0.9;
@@ -84,14 +88,19 @@ struct Outcome {
     host_s: Vec<f64>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: coverage {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!(
+    writeln!(Stdout, "command: coverage {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
+    writeln!(
+        Stdout,
         "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 90% | ± % | \
          error % | p95 % | host ms |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    )?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|---|---|---|---|---|")?;
     let cases = cases(&options);
     for name in &options.scenes {
         let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
@@ -107,7 +116,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                     .into_par_iter()
                     .map(|trial| case.trial(&stream, options.seed.wrapping_add(trial * (WARMING + 1))))
                     .reduce(Outcome::default, Outcome::plus);
-                print(&scene.name, &stream, case, outcome);
+                print(&scene.name, &stream, case, outcome)?;
             }
         }
     }
@@ -289,7 +298,7 @@ impl Outcome {
     }
 }
 
-fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
+fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) -> io::Result<()> {
     let percent = |[trials, hold]: [u64; 2]| 100.0 * hold as f64 / trials as f64;
     let differs: Vec<bool> = stream.tasks.iter().map(|task| stream.differs(task, case.walk)).collect();
     let sum = |wanted: &dyn Fn(usize) -> bool| {
@@ -305,7 +314,8 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
     let mean = |part: usize| outcome.errors.iter().map(|e| e[part]).sum::<f64>() / outcome.errors.len().max(1) as f64;
     // Of each task in each trial, certain ones included.
     let runs = (outcome.trials.iter().map(|[trials, _]| *trials).max().unwrap_or(0)).max(1);
-    println!(
+    writeln!(
+        Stdout,
         "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} | {:.2} | {:.1} | {:.2} |",
         stream.kind,
         case.name,
@@ -317,7 +327,7 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
         100.0 * mean(0),
         100.0 * mean(1),
         1e3 * median(&outcome.host_s)
-    );
+    )
 }
 
 /// Processor seconds of this thread.

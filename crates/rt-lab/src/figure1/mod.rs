@@ -99,7 +99,9 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     if !options.task_sizes.is_sorted_by(|a, b| a < b) {
         return Err(usage("--task-sizes must increase, such as 64,256,1024"));
     }
-    Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes).check()?;
+    let outputs = Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes);
+    outputs.check()?;
+    let lab = lab.writing(&outputs);
     let setting = setting(options)?;
     if let Some(note) = &setting.note {
         lab.show.note(note);

@@ -136,7 +136,8 @@ impl Chosen {
 pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()> {
     let (common, chosen) = (options, chosen.map(Chosen::name));
     let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
-    check_outputs(&common.out, &trades, &common.scenes)?;
+    let outputs = outputs(&common.out, &trades, &common.scenes)?;
+    let lab = lab.writing(&outputs);
     let (cards, mut left_out) = match chosen {
         None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
         _ => (Vec::new(), Vec::new()),
@@ -172,10 +173,12 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     finish(lab, &page, &common.out, begin)
 }
 
-/// Whether the files of all trades can be written.
-fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
+/// The files of all trades, which can be written.
+fn outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<Outputs> {
     let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
-    Outputs::new().folder("--out", out, files).scenes(scenes).check()
+    let outputs = Outputs::new().folder("--out", out, files).scenes(scenes);
+    outputs.check()?;
+    Ok(outputs)
 }
 
 /// The device that is named, or the usual one.
@@ -265,7 +268,8 @@ fn finish(lab: Lab<'_>, page: &Page, out: &Path, begin: Instant) -> Result<()> {
 pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let begin = Instant::now();
     let trades: Vec<&Trade> = TRADES.iter().filter(|trade| trade.name == "precision").collect();
-    check_outputs(&own.out, &trades, &own.scenes)?;
+    let outputs = outputs(&own.out, &trades, &own.scenes)?;
+    let lab = lab.writing(&outputs);
     let seeds = format!("Seed {} of the rays.", own.seed);
     let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
     let stretch = Stretch::whole(lab.show, None);

@@ -81,6 +81,17 @@ impl Outputs {
         self.look().or_usage()
     }
 
+    /// Whether nothing is written over material files, which are known once a scene is read.
+    ///
+    /// # Errors
+    /// Of wrong usage; the message names the option and the file.
+    pub fn spare_materials<P: AsRef<Path>>(&self, files: impl IntoIterator<Item = P>) -> Result<()> {
+        let Self { files: outputs, folders, .. } = self.clone();
+        let only = Self { files: outputs, folders, inputs: Vec::new() };
+        let inputs = files.into_iter().fold(only, |outputs, file| outputs.input("the materials", file.as_ref()));
+        if inputs.inputs.is_empty() { Ok(()) } else { inputs.check() }
+    }
+
     fn look(&self) -> Result<()> {
         for Wanted { option, path } in &self.folders {
             let exists = path.exists();

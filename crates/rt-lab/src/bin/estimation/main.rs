@@ -28,11 +28,15 @@ use rt_balance::clock;
 use rt_balance::cpu::CpuDevice;
 use rt_core::{Device, Launch, RaySource, StreamKind, StreamSpec, Tracer, tasks_of};
 use rt_lab::DEFAULT_BUILDER;
+use rt_report::exit;
+use rt_report::print::{Stdout, note};
 use rt_scene::prepare::{Options as Prepare, Prepared, prepare};
 use rt_scene::streams::Wave;
 use serde_json::{Value, json};
 use std::error::Error;
+use std::io::Write;
 use std::path::Path;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 use truth::Truth;
@@ -40,10 +44,14 @@ use truth::Truth;
 /// Longest wait for a launch.
 pub(crate) const LIMIT: Duration = Duration::from_secs(600);
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     let mut results = Vec::new();
-    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
+    writeln!(Stdout, "command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
     for name in &options.scenes {
         let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let devices = CpuDevice::open_all(&[1])?;
@@ -94,7 +102,7 @@ fn one(
     size: u32,
 ) -> Result<Value, Box<dyn Error>> {
     let tasks = tasks_of(source.len(), size);
-    eprintln!("{scene}, {kind}, {} rays in tasks of {size}", source.len());
+    note(format_args!("{scene}, {kind}, {} rays in tasks of {size}", source.len()));
     let truth = Truth::measure(tracer, source, &tasks, options.passes)?;
     tracer.load_rays(source.clone(), StreamSpec::default())?;
     let mut cases = Case::list(options);
@@ -107,8 +115,8 @@ fn one(
                 outcomes.push(outcome);
             }
         }
-        eprintln!("repetition {repetition} of {}", options.repetitions);
+        note(format_args!("repetition {repetition} of {}", options.repetitions));
     }
-    table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes);
+    table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes)?;
     Ok(table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes))
 }

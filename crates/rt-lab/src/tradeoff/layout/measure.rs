@@ -73,7 +73,7 @@ pub(super) struct Row {
 type Tracers = [Box<dyn Tracer>; 2];
 
 pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(scene)?;
+    let prepared = setting.lab.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;

@@ -130,7 +130,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
     let (mut rows, mut builder) = (Vec::new(), "");
     for (index, name) in names.iter().enumerate() {
         let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { lab, prepared: (lab.scenes)(name)?, size, runs, sample, seed: args.seed, stretch };
+        let bench = Bench { lab, prepared: lab.prepare(name)?, size, runs, sample, seed: args.seed, stretch };
         bench.measure(&devices, &mut rows)?;
         builder = bench.prepared.options.builder.name();
     }
