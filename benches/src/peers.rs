@@ -3,10 +3,10 @@
 use embree4_sys::{
     Mesh, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCHit16, RTCRay, RTCRay16, RTCRayHit16, RTCSceneFlags,
 };
+use rt_balance::clock;
 use rt_core::{Device, DeviceError, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
 use rt_scene::Model;
 use rt_tests::peers::{ObvhsDevice, ObvhsLayout};
-use rt_verify::clock;
 use std::error::Error;
 use std::hint::black_box;
 use std::sync::Arc;

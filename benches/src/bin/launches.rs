@@ -11,8 +11,8 @@ use rt_balance::stats::{median, ratios};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Launch, RaySource, StreamSpec, Tracer, tasks_of};
-use rt_report::exit;
 use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_scene::streams::Wave;
 use std::error::Error;
 use std::io::Write;
@@ -37,8 +37,8 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    writeln!(Stdout, "command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
     let device = open(options.device, Tuning::default())?;
+    writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone()]))?;
     writeln!(
         Stdout,
         "device: {} ({}), makes rays: {}\n",

@@ -5,8 +5,8 @@
 
 use rt_balance::stats::median;
 use rt_core::{CostModel, Work, random};
-use rt_report::exit;
 use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::HybridQueue;
 use std::error::Error;
@@ -23,6 +23,7 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
+    writeln!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(Stdout, "| tasks × devices | speeds | LPT ms (min) | hybrid queue ms (min) |")?;
     writeln!(Stdout, "|---|---|---|---|")?;
     for (tasks, devices) in [(4_096, 3), (65_536, 8), (1_000_000, 1_024)] {

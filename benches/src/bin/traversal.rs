@@ -9,8 +9,8 @@ use rt_benches::peers::{Peer, Peers, Run};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Builder, Mesh, Stack, build};
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
-use rt_report::exit;
 use rt_report::print::{Stdout, note};
+use rt_report::{Provenance, exit};
 use std::error::Error;
 use std::io::Write;
 use std::process::ExitCode;
@@ -45,7 +45,7 @@ fn main() -> ExitCode {
 
 fn run_all() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    writeln!(Stdout, "command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
+    writeln!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(
         Stdout,
         "Mray/s of robust closest (or any) hit on one thread; others as time over robust, medians of {} interleaved runs.\n\

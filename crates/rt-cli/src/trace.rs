@@ -7,7 +7,7 @@ use crate::{interrupt, npy, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
-use rt_report::command_words;
+use rt_report::Provenance;
 use rt_report::print::Stdout;
 use std::io::Write;
 use std::sync::Arc;
@@ -64,8 +64,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            version: env!("CARGO_PKG_VERSION"),
-            command: command_words(),
+            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: render::scene_report(&prepared, &scene),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),

@@ -11,8 +11,10 @@ pub mod image;
 mod machine;
 pub mod output;
 pub mod print;
+mod provenance;
 pub mod report;
 pub mod table;
 pub mod usage;
 
-pub use machine::{Machine, command_line, command_words};
+pub use machine::Machine;
+pub use provenance::Provenance;

@@ -15,9 +15,9 @@ use anyhow::{Context, Error, Result, bail};
 use rt_bvh::{Builder, WideTree};
 use rt_conformance::is_required;
 use rt_core::{Device, Precision, Query, StreamSpec};
-use rt_report::exit;
 use rt_report::print::{Stdout, note};
 use rt_report::usage::usage;
+use rt_report::{Provenance, exit};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
 use rt_tests::parity::{Exam, Kind};
@@ -89,7 +89,9 @@ fn run(arguments: &Arguments) -> Result<usize> {
         reports.push(report);
     }
     if let Some(path) = &arguments.json {
-        let report = json!({ "rays": arguments.rays, "seed": arguments.seed, "left_out": missing, "scenes": reports });
+        let provenance = Provenance::now(arguments.seed, peers.iter().map(|(name, ..)| name.clone()));
+        let report =
+            json!({ "provenance": provenance, "rays": arguments.rays, "left_out": missing, "scenes": reports });
         std::fs::write(path, format!("{report:#}\n")).with_context(|| format!("--json {}", path.display()))?;
     }
     Ok(wrong)

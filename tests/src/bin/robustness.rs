@@ -15,9 +15,9 @@ use backend_vulkan::{Options as VulkanOptions, VulkanDevice};
 use backend_wgpu::{Options as WgpuOptions, WgpuDevice};
 use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Precision};
-use rt_report::exit;
 use rt_report::print::{Stdout, note};
 use rt_report::usage::usage;
+use rt_report::{Provenance, exit};
 use rt_scene::builtin;
 use rt_tests::peers;
 use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
@@ -176,9 +176,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     }
     if let Some(path) = &arguments.json {
         let options = &arguments.options;
-        let command: Vec<String> = std::env::args().skip(1).collect();
+        let provenance = Provenance::now(options.seed, reports.iter().map(|report| report.name.clone()));
         let all = json!({
-            "schema": 1, "command": command, "extent": options.extent.name(), "seed": options.seed,
+            "schema": 2, "provenance": provenance, "extent": options.extent.name(),
             "rays": options.rays, "builder": options.builder.to_string(), "tracers": reports,
         });
         let text = serde_json::to_string_pretty(&all)?;

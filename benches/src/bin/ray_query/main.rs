@@ -13,13 +13,13 @@ mod peer;
 
 use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
 use peer::Peer;
+use rt_balance::clock;
 use rt_balance::stats::{Summary, median};
 use rt_benches::{BenchScene, options};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
-use rt_report::exit;
 use rt_report::print::Stdout;
-use rt_verify::clock;
+use rt_report::{Provenance, exit};
 use std::error::Error;
 use std::io::Write;
 use std::process::ExitCode;
@@ -42,10 +42,10 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    writeln!(Stdout, "command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
     let device = VulkanDevice::enumerate(Open::from_env()?)?;
     let device = device.into_iter().nth(options.device).ok_or("there is no such device")??;
     let peer = Peer::open(options.device)?;
+    writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone(), peer.name.clone()]))?;
     writeln!(Stdout, "ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name)?;
     if device.card().model != peer.model {
         return Err("the two lists of devices differ: choose a --device that is the same card in both".into());

@@ -20,8 +20,8 @@ use rt_balance::clock;
 use rt_balance::stats::median;
 use rt_benches::BenchScene;
 use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
-use rt_report::exit;
 use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
@@ -46,7 +46,11 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    writeln!(Stdout, "command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "))?;
+    writeln!(
+        Stdout,
+        "{}",
+        Provenance::now(1, [options.vulkan.map_or_else(|| "one thread".to_owned(), |place| format!("vulkan:{place}"))])
+    )?;
     writeln!(
         Stdout,
         "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of the trace. \

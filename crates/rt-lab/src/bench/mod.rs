@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::devices::{CardOptions, Opened, Opener};
-use rt_report::command_words;
+use rt_report::Provenance;
 use rt_report::output::{self, Outputs};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ const QUICK_RAYS: u32 = 1 << 14;
 const QUICK_REPEAT: u32 = 3;
 
 /// The version of the JSON's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -67,9 +67,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
-        seed: options.seed,
+        provenance: Provenance::now(options.seed, devices.iter().map(|opened| opened.device.info().name.clone())),
         repeat,
         paper: PAPER,
         results: Vec::new(),

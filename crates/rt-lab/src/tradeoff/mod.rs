@@ -11,13 +11,14 @@ use crate::Lab;
 use crate::lab::open;
 use crate::stretch::Stretch;
 use crate::subject::Subject;
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Result, anyhow};
 use rt_balance::Scheduling;
+use rt_balance::devices::Opener;
 use rt_core::Device;
 use rt_report::html::Page;
 use rt_report::output::Outputs;
 use rt_report::usage::usage;
-use rt_report::{Machine, command_line, table};
+use rt_report::{Provenance, table};
 use rt_scene::prepare::short_name;
 use setting::{Head, Setting, file_part};
 use std::path::{Path, PathBuf};
@@ -155,7 +156,10 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
 
     let seeds =
         format!("Seed {} of pixels, bounces and samples; those of each round are in the JSON files.", common.seed);
-    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+    let cards_too = layout::one_each(&cards);
+    let mut measured: Vec<&str> = devices.iter().chain(&cards_too).map(|device| device.info().name.as_str()).collect();
+    measured.dedup();
+    let mut page = Page::new(TITLE, &Provenance::now(common.seed, measured), &seeds);
     left_out.iter().for_each(|reason| page.paragraph(reason));
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
@@ -210,14 +214,10 @@ fn setting<'a>(
             size_within(left, passes / rays_per_second(lab, args, devices)?, most)
         }
     };
-    let names: Vec<&str> = devices.iter().map(|device| device.info().name.as_str()).collect();
     let head = Head {
-        schema: 1,
-        command: command_line(),
-        machine: Machine::this(),
-        device: names.join(", "),
+        schema: 2,
+        provenance: Provenance::now(args.seed, devices.iter().map(|device| device.info().name.clone())),
         size,
-        seed: args.seed,
     };
     let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
     Ok(Setting { lab, args, devices, cards, size, repeat, stretch, head })
@@ -271,9 +271,11 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let outputs = outputs(&own.out, &trades, &own.scenes)?;
     let lab = lab.writing(&outputs);
     let seeds = format!("Seed {} of the rays.", own.seed);
-    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+    let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
+    let provenance = precision::provenance(own, &devices);
+    let mut page = Page::new(TITLE, &provenance, &seeds);
     let stretch = Stretch::whole(lab.show, None);
-    precision::run(lab, own, &stretch, &mut page)?;
+    precision::run(lab, own, &devices, &stretch, &mut page)?;
     stretch.finish();
     finish(lab, &page, &own.out, begin)
 }
@@ -281,7 +283,8 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
 /// The precision trade as one of all.
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let own = precision::Options { size: Some(setting.size), ..precision::Options::of(setting.args, DEVICE) };
-    precision::run(setting.lab, &own, &setting.stretch, page)
+    let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
+    precision::run(setting.lab, &own, &devices, &setting.stretch, page)
 }
 
 #[cfg(test)]

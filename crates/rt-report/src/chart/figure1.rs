@@ -8,6 +8,7 @@
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
+use crate::Provenance;
 use crate::output::write_atomically;
 use anyhow::{Result, ensure};
 use std::path::Path;
@@ -83,9 +84,9 @@ const FRONT: f64 = 0.5;
 ///
 /// # Errors
 /// When there is nothing to draw or a file cannot be written.
-pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
+pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<()> {
     let sheet = draw(figure)?;
-    let text = sheet.to_svg();
+    let text = provenance.in_svg(&sheet.to_svg());
     write_atomically(svg, |out| Ok(out.write_all(text.as_bytes())?))?;
     sheet.write_png(png)
 }

@@ -4,6 +4,7 @@ use super::bars::{self, Bar};
 use super::canvas::Rgb;
 use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, Look, ORANGE, PALE, SKY, Sheet, VERMILION};
+use crate::Provenance;
 use crate::output::write_atomically;
 use crate::table::longest;
 use anyhow::Result;
@@ -41,8 +42,8 @@ const IDLE: Rgb = PALE;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
-    let svg = draw(runs);
+pub fn write_svg(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
+    let svg = provenance.in_svg(&draw(runs));
     write_atomically(path, |out| Ok(out.write_all(svg.as_bytes())?))
 }
 

@@ -5,11 +5,14 @@ use super::cost_map::Costs;
 use crate::chart::cost::CostMap;
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
-use crate::{Machine, command_line, table};
-use anyhow::{Context, Result};
+use crate::table;
+use anyhow::Result;
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
 use std::path::Path;
+
+/// Most tasks whose numbers a page holds, 64 bytes each.
+const MOST_TASKS: usize = 1 << 16;
 
 /// What the page shows.
 #[derive(Debug)]
@@ -24,8 +27,6 @@ pub struct Rendered<'a> {
     pub size: [u32; 2],
     /// Rays per pixel.
     pub samples: u32,
-    /// Seed of samples, pixels and bounces.
-    pub seed: u32,
     /// The picture's file: the first frame's.
     pub picture: &'a Path,
     /// Predicted seconds of a run's tasks, on the scale of the measured ones.
@@ -39,16 +40,16 @@ impl Rendered<'_> {
     /// When the picture cannot be read or the page not be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let scene = &self.report.scene;
-        let seeds = format!("Seed {} of samples, pixels and bounces.", self.seed);
+        let seed = self.report.provenance.seed.unwrap_or_default();
+        let seeds = format!("Seed {seed} of samples, pixels and bounces.");
         let title = format!("raybalance: {}", scene.source);
-        let mut page = Page::new(&title, &command_line(), &Machine::this(), &seeds);
+        let mut page = Page::new(&title, &self.report.provenance, &seeds);
         page.section("Picture");
-        let png = std::fs::read(self.picture).with_context(|| format!("cannot read `{}`", self.picture.display()))?;
         let [width, height] = self.size;
         page.picture(
-            &png,
+            self.picture,
             &format!("{} rendered with {} rays per pixel, {width} × {height} pixels", scene.source, self.samples),
-        );
+        )?;
 
         page.section("Cost of each task");
         page.paragraph(
@@ -56,7 +57,13 @@ impl Rendered<'_> {
              measured total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to \
              task.",
         );
-        self.costs().add_to(&mut page);
+        match self.costs() {
+            costs if costs.tasks() <= MOST_TASKS => costs.add_to(&mut page),
+            costs => page.paragraph(&format!(
+                "{} tasks are more than fit this page: cost.png shows them.",
+                table::grouped(costs.tasks() as u64)
+            )),
+        }
 
         page.section("Estimate against measurement");
         page.chart(

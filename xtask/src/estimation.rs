@@ -1,7 +1,5 @@
 //! `cargo xtask estimation`: the measurements behind docs/results/estimation.md, one program after the other.
 
-mod tables;
-
 use crate::command::{cargo, root, run, say, shown};
 use crate::setup::setup;
 use anyhow::{Context, Result, bail};
@@ -14,10 +12,6 @@ const OUT: &str = "out/estimation";
 
 /// Scenes whose makespans are measured on real devices: six minutes each.
 const BALANCED: [&str; 1] = ["yard"];
-
-/// Estimators of the tables, as the benchmark names them.
-const CASES: &str =
-    "uniform,exact 1/8,exact 1/64,exact 1/128,field 1/64,reduced 1/8,reduced 1/1,reduced-plane 1/64,adaptive,auto";
 
 /// How much is measured.
 struct Extent {
@@ -58,14 +52,13 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     let mut tables = format!("`cargo xtask estimation{}`\n", if quick { " --quick" } else { "" });
 
     tables.push_str("\n## Errors and overhead\n\n");
-    // Relative, since the table repeats the command and programs run in the root.
-    let json = Path::new(OUT).join("errors.json");
+    // Relative, since the tables repeat the command and programs run in the root.
+    let file = |name: &str| Path::new(OUT).join(name);
     let mut errors = program("estimation");
-    errors.args(&scenes).args(extent.errors).args(["--only", CASES, "--json"]).arg(&json);
-    let full = output(&mut errors)?;
-    let numbers =
-        fs::read_to_string(root().join(&json)).with_context(|| format!("cannot read `{}`", json.display()))?;
-    tables.push_str(&tables::tables(&numbers)?);
+    errors.args(&scenes).args(extent.errors).args(["--published", "--json"]).arg(file("errors.json"));
+    let full = output(errors.arg("--summary").arg(file("errors.md")))?;
+    let summary = root().join(file("errors.md"));
+    tables.push_str(&fs::read_to_string(&summary).with_context(|| format!("cannot read `{}`", summary.display()))?);
 
     tables.push_str("\n## Makespans\n\n");
     for scene in BALANCED {
