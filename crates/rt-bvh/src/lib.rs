@@ -38,7 +38,7 @@ mod wide;
 use rt_core::scale;
 
 pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
-pub use build::{BuildError, BuildReport, Built, Fallback, build};
+pub use build::{BuildError, BuildReport, Built, Fallback, build, build_with};
 #[cfg(feature = "obvhs")]
 pub use options::PlocQuality;
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};

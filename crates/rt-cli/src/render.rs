@@ -155,7 +155,7 @@ fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-/// Bytes that what is recorded of a task takes, and of what is written about it: 250 measured, for as many as there are.
+/// Bytes that what is recorded of a task takes, and what is written about it: an estimate, meant to be too high.
 const BYTES_PER_TASK: u64 = 512;
 
 /// Least memory in which rays are traced.

@@ -231,8 +231,8 @@ impl Scene {
 
 /// Walks the tree without recursion, returns its depth.
 fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError> {
-    let mut node_seen = vec![false; nodes.len()];
-    let mut slot_seen = vec![false; triangles.len()];
+    let mut node_seen = unseen(nodes.len())?;
+    let mut slot_seen = unseen(triangles.len())?;
     let mut deepest = 0;
     let mut open = vec![(0_u32, 1_u32, None::<Aabb>)];
     while let Some((index, depth, within)) = open.pop() {
@@ -275,7 +275,14 @@ fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError>
     }
 }
 
-/// Why [`Scene::new`] refused its parts: always a defect of the builder, never of the caller's mesh.
+fn unseen(count: usize) -> Result<Vec<bool>, SceneError> {
+    let mut seen = Vec::new();
+    seen.try_reserve_exact(count).map_err(|_| SceneError::OutOfMemory { bytes: count as u64 })?;
+    seen.resize(count, false);
+    Ok(seen)
+}
+
+/// Why [`Scene::new`] refused its parts: but for memory always a defect of the builder, never of the caller's mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -322,6 +329,11 @@ pub enum SceneError {
     },
     /// A path is longer than [`MAX_DEPTH`].
     TooDeep,
+    /// There is no memory to check them.
+    OutOfMemory {
+        /// How many bytes it takes.
+        bytes: u64,
+    },
 }
 
 impl fmt::Display for SceneError {
@@ -343,6 +355,7 @@ impl fmt::Display for SceneError {
                 SCALE_EXPONENTS.end()
             ),
             Self::TooDeep => write!(f, "the tree is deeper than {MAX_DEPTH}"),
+            Self::OutOfMemory { bytes } => write!(f, "no memory to check the tree: {bytes} bytes are needed"),
         }
     }
 }

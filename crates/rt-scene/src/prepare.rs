@@ -1,6 +1,7 @@
 //! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
 
 use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch, load_obj};
+use crate::progress::{LoadStage, Meter};
 use crate::scan::{Plan, Scan};
 use crate::streams::{Paths, Sun};
 use crate::{Model, View, builtin, scenes, view};
@@ -98,7 +99,7 @@ impl Prepared {
     }
 }
 
-/// Loads or generates the scene, scans it and builds its tree; `watch` is told how far a file is loaded.
+/// Loads or generates the scene, scans it and builds its tree; `watch` is told how far that is.
 ///
 /// # Errors
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
@@ -111,8 +112,14 @@ pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result
 
     let start = Instant::now();
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
-    let built = rt_bvh::build(mesh, &options.build())
-        .map_err(|source| PrepareError::Build { scene: model.source.clone(), source })?;
+    let stopped = || PrepareError::Load(Fault::Stopped.of(&model.source));
+    let mut meter = Meter::begin(LoadStage::Building, mesh.indices.len() as u64, watch).map_err(|_| stopped())?;
+    let built = rt_bvh::build_with(mesh, &options.build(), &mut |placed, _| meter.at(placed.into()).is_ok()).map_err(
+        |source| match source {
+            BuildError::Cancelled => stopped(),
+            source => PrepareError::Build { scene: model.source.clone(), source },
+        },
+    )?;
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();
 
@@ -243,7 +250,8 @@ impl Error for PrepareError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::unwatched;
+    use crate::progress::{LoadProgress, unwatched};
+    use std::ops::ControlFlow;
 
     fn prepared(scene: &str) -> Result<Prepared, PrepareError> {
         prepare(Path::new(scene), &Options::new(Builder::Sah), &mut unwatched)
@@ -259,6 +267,24 @@ mod tests {
         assert_eq!(prepare(Path::new("car"), &fast, &mut unwatched).unwrap().precision, Precision::Fast);
         assert!(prepared("cat").unwrap_err().to_string().contains("built-in are: yard, car"));
         assert!(prepared("missing.obj").unwrap_err().to_string().contains("missing.obj"));
+    }
+
+    /// Mutants: building that does not tell, that does not stop, or whose stop reads like a fault of the mesh.
+    #[test]
+    fn building_tells_how_far_it_is_and_stops() {
+        for &builder in Builder::ALL {
+            let mut told = Vec::new();
+            let mut watch = |at: LoadProgress| {
+                if at.stage == LoadStage::Building {
+                    told.push((at.done, at.total));
+                }
+                if told.len() < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            let stopped = prepare(Path::new("yard"), &Options::new(builder), &mut watch);
+            assert!(matches!(stopped, Err(PrepareError::Load(LoadError { fault: Fault::Stopped, .. }))), "{builder}");
+            assert_eq!((told.len(), told[0].0), (3, 0), "{builder}");
+            assert!(told.is_sorted() && told[2].0 <= told[2].1, "{builder}: {told:?}");
+        }
     }
 
     #[test]

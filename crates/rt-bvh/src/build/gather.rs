@@ -7,7 +7,7 @@
 //! single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case. Builders, which need not be
 //! exact, see all boxes in the first unit, where no area overflows.
 
-use super::BuildError;
+use super::{BuildError, reserved};
 use crate::scale::{exponent, lowest_bit, pow2, scaled};
 use crate::{InvalidTriangles, Mesh};
 use alloc::vec::Vec;
@@ -64,8 +64,8 @@ impl Reference {
 pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gathered, BuildError> {
     let count = mesh.indices.len();
     let primitive_count = u32::try_from(count).map_err(|_| BuildError::TooManyTriangles { triangles: count })?;
-    let mut triangles = Vec::with_capacity(count);
-    let mut primitives = Vec::with_capacity(count);
+    let mut triangles = reserved(count, "the triangles")?;
+    let mut primitives = reserved(count, "the ids of triangles")?;
     let (mut dropped_degenerate, mut dropped_invalid, mut first_invalid) = (0, 0, None);
     let (mut largest, mut least) = (Vec3::ZERO, Vec3::MAX);
     for (id, indices) in (0..primitive_count).zip(mesh.indices) {
@@ -101,7 +101,7 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
         let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
         Triangle::new(a, b, c)
     };
-    let mut references = Vec::with_capacity(triangles.len());
+    let mut references = reserved(triangles.len(), "the boxes of triangles")?;
     for (position, triangle) in (0..).zip(&mut triangles) {
         references.push(Reference::new(normalised(triangle, normal_exponent).bounds(), position));
         *triangle = normalised(triangle, scale_exponent);
