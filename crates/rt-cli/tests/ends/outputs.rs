@@ -159,7 +159,7 @@ fn every_file_says_where_it_comes_from() {
         format!("tradeoff build cube.obj {small} --runs 1 --out c"),
         format!("tradeoff sampling cube.obj {small} --runs 1 --out d"),
         "tradeoff precision cube.obj --quick --size 16x16 --seed 77 --runs 1 --backend cpu:1 --out e".to_owned(),
-        "bench cube.obj --quick --seed 77 --devices cpu:1 --rays 64 --repeat 1 --out f/bench.json".to_owned(),
+        "bench cube.obj --seed 77 --devices cpu:1 --rays 64 --repeat 1 --out f/bench.json".to_owned(),
     ] {
         let ended = folder.run(&words);
         assert_eq!(ended.code, Some(0), "{words}: {ended:?}");

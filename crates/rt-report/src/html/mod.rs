@@ -238,7 +238,7 @@ mod tests {
         assert!(html.contains("<svg role=\"img\" aria-label=\"a &quot;chart&quot;\" xmlns"));
         assert!(html.contains("<td class=\"words\">a</td><td>1</td>"));
         let Provenance { commit, date, .. } = &page.provenance;
-        assert!(html.contains(&format!("commit {commit}, {date}")) && html.contains("a &lt;device&gt;"));
+        assert!(html.contains(&format!("commit {commit}, <time>{date}</time>")) && html.contains("a &lt;device&gt;"));
     }
 
     /// A chart's grey that the style does not know would be unreadable in the dark.

@@ -57,6 +57,12 @@ impl Rendered<'_> {
              measured total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to \
              task.",
         );
+        if let Some(kinds) = self.blind() {
+            page.paragraph(&format!(
+                "No estimate was made of {kinds} rays: it would have cost more than the expected gain. Where estimates are shown \
+                 here, every ray counts the same."
+            ));
+        }
         match self.costs() {
             costs if costs.tasks() <= MOST_TASKS => costs.add_to(&mut page),
             costs => page.paragraph(&format!(
@@ -105,6 +111,18 @@ impl Rendered<'_> {
         }
         let policy = report.policy.map_or_else(String::new, |policy| format!(", policy {policy}"));
         page.paragraph(&format!("Queue {}{policy}. All numbers: report.json.", report.queue));
+    }
+
+    /// The kinds of rays of which nothing was known before, though the estimator could have known more.
+    fn blind(&self) -> Option<String> {
+        let is_blind = |run: &&StreamRun| {
+            let estimate = &run.report.estimate;
+            estimate.chosen == "uniform" && estimate.estimator != estimate.chosen
+        };
+        let mut kinds: Vec<&str> = self.runs.iter().filter(is_blind).map(|run| &*run.report.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        (!kinds.is_empty()).then(|| kinds.join(", "))
     }
 
     /// The first frame's primary rays.
