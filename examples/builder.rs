@@ -34,7 +34,8 @@ fn halve(triangles: &mut [(Triangle, u32)], first: u32, depth: usize, nodes: &mu
     (bounds, Child::Inner(node as u32))
 }
 
-/// A scene of triangles whose ids are their positions; coordinates should be neither huge nor tiny, since they stay as they are.
+/// A scene of triangles whose ids are their positions; coordinates should be neither huge nor tiny, since they stay as
+/// they are.
 fn build(triangles: &[Triangle]) -> Result<Scene, SceneError> {
     let mut ordered: Vec<(Triangle, u32)> = triangles.iter().copied().zip(0..).collect();
     let mut nodes = Vec::new();

@@ -1,5 +1,5 @@
-//! A queue of one's own: two tasks a launch, in whatever order the policy says. It needs an order of the tasks and no more, so
-//! any policy goes with it.
+//! A queue of one's own: two tasks a launch, in whatever order the policy says. It needs an order of the tasks and no
+//! more, so any policy goes with it.
 //!
 //! `cargo run --release -p rt-balance --example queue`
 

@@ -1,6 +1,6 @@
-//! Every builder's trees, two-wide and eight-wide, give the exact reference's hits on real and built-in scenes. Ambiguous rays are
-//! counted, and must still hit one of their candidates; at most one random ray in a thousand may be one, but for ties
-//! in scenes that are listed for them.
+//! Every builder's trees, two-wide and eight-wide, give the exact reference's hits on real and built-in scenes.
+//! Ambiguous rays are counted, and must still hit one of their candidates; at most one random ray in a thousand may be
+//! one, but for ties in scenes that are listed for them.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::{Builder, WideTree};
@@ -26,7 +26,7 @@ fn main() {
     match scenes::find() {
         Ok(scenes) => trials.extend(scenes.into_iter().map(|scene| {
             Trial::test(scene.name.clone(), move || {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 examine(&scene.name, &model, RAYS)
             })
         })),

@@ -9,8 +9,8 @@ use std::process::{Command, Stdio};
 /// Keys that sign every suite of Debian, where the package debian-archive-keyring puts them.
 const DEBIAN_KEYS: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
-/// Installs those of the packages that are missing, as root or through a sudo that asks for no password, and says before
-/// what that is.
+/// Installs those of the packages that are missing, as root or through a sudo that asks for no password, and says
+/// before what that is.
 ///
 /// What is installed already is not upgraded.
 pub(crate) fn install<S: AsRef<str>>(packages: &[S]) -> Result<()> {

@@ -3,6 +3,7 @@
 use crate::command::{cargo, root, run, say, shown};
 use crate::setup::setup;
 use anyhow::{Context, Result, bail};
+use real_scenes::{Folders, RealScene, VARIABLE};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -45,7 +46,7 @@ const QUICK: Extent = Extent {
 /// Builds the programs, runs them, and writes their tables into one file.
 pub(crate) fn estimation(quick: bool) -> Result<()> {
     let extent = if quick { QUICK } else { FULL };
-    let scenes = scenes(setup()?.scenes.as_deref())?;
+    let scenes = scenes(setup()?.scenes.as_ref())?;
     run(&mut cargo("build --release -p rt-cli -p rt-lab --bins"))?;
     let out = root().join(OUT);
     fs::create_dir_all(&out).with_context(|| format!("cannot create `{}`", out.display()))?;
@@ -80,21 +81,16 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
 }
 
 /// The built-in scenes, and those of the folder, in order of their names.
-fn scenes(folder: Option<&Path>) -> Result<Vec<PathBuf>> {
+fn scenes(folders: Option<&Folders>) -> Result<Vec<PathBuf>> {
     let mut found = vec![PathBuf::from("yard"), PathBuf::from("car")];
-    let Some(folder) = folder else {
-        say("RAYBALANCE_SCENES is not set: built-in scenes only");
+    let Some(folders) = folders else {
+        say(format_args!("{VARIABLE} is not set: built-in scenes only"));
         return Ok(found);
     };
-    let context = || format!("cannot list `{}`", folder.display());
-    for entry in fs::read_dir(folder).with_context(context)? {
-        let path = entry.with_context(context)?.path();
-        if path.extension().is_some_and(|extension| extension == "obj") {
-            // Programs run in the root; tables need not say where that is.
-            found.push(path.strip_prefix(root()).map_or_else(|_| path.clone(), Path::to_owned));
-        }
-    }
-    found[2..].sort();
+    // Programs run in the root; tables need not say where that is.
+    let relative =
+        |scene: RealScene| scene.path.strip_prefix(root()).map_or_else(|_| scene.path.clone(), Path::to_owned);
+    found.extend(folders.scenes()?.into_iter().map(relative));
     Ok(found)
 }
 

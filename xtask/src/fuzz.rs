@@ -15,8 +15,8 @@ const MEMORY: u32 = 2048;
 
 /// Fuzzes each target for an equal share of `minutes`, starting from the corpus.
 ///
-/// What is found goes to `fuzz/target/corpus`, what breaks something to `fuzz/artifacts`: then move it to `fuzz/corpus`,
-/// where the tests replay it, and mend the code.
+/// What is found goes to `fuzz/target/corpus`, what breaks something to `fuzz/artifacts`: then move it to
+/// `fuzz/corpus`, where the tests replay it, and mend the code.
 pub(crate) fn fuzz(minutes: u32) -> Result<()> {
     if !succeeds(nightly::cargo("fuzz").arg("--version")) {
         nightly::require("libFuzzer's instrumentation")?;

@@ -12,7 +12,6 @@ mod nightly;
 mod no_std;
 mod pip;
 mod registered;
-mod scenes;
 mod setup;
 mod test;
 mod unsafe_code;

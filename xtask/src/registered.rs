@@ -1,5 +1,5 @@
-//! What earlier versions of `cargo xtask setup` left below the home folder: manifests of the software driver, by which the
-//! Vulkan loader found it for every program of the user.
+//! What earlier versions of `cargo xtask setup` left below the home folder: manifests of the software driver, by which
+//! the Vulkan loader found it for every program of the user.
 
 use crate::command::say;
 use anyhow::{Context, Result};
@@ -35,8 +35,8 @@ pub(crate) fn undo() -> Result<()> {
     Ok(())
 }
 
-/// Where the loader looks for a user's own drivers, as the XDG Base Directory Specification has it: by the variable, and
-/// by the default that held if it was not set at the time.
+/// Where the loader looks for a user's own drivers, as the XDG Base Directory Specification has it: by the variable,
+/// and by the default that held if it was not set at the time.
 fn data_folders() -> Vec<PathBuf> {
     let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let default = variable("HOME").map(|home| home.join(".local/share"));

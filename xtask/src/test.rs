@@ -113,8 +113,8 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
     match &setup.scenes {
-        Some(folder) => tests.env("RAYBALANCE_SCENES", folder),
-        None => tests.env_remove("RAYBALANCE_SCENES"),
+        Some(folders) => tests.env(real_scenes::VARIABLE, folders.unpacked()?),
+        None => tests.env_remove(real_scenes::VARIABLE),
     };
     // Someone who names drivers wants those tested: a real GPU's, say.
     let named = vulkan::DRIVER_VARIABLES.iter().any(|name| std::env::var_os(name).is_some());

@@ -39,7 +39,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Work like a picture's: most tasks cheap, some a hundred times dearer.
+/// Work like a picture's: most tasks cheap, some a hundred times as expensive.
 fn task(index: u32) -> Work {
     let [a, b] = random::pair(1, index, 0);
     let tests = 1024.0 * (4.0 + 400.0 * a.powi(6));

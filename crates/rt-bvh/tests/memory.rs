@@ -30,8 +30,8 @@ fn build_under_a_limit() {
     }
 }
 
-/// Guards: everything that grows with the mesh is asked for with a way to fail. Fails (the child aborts) when any of it is grown
-/// by `Vec::push` or `vec!`.
+/// Guards: everything that grows with the mesh is asked for with a way to fail. Fails (the child aborts) when any of it
+/// is grown by `Vec::push` or `vec!`.
 #[test]
 fn refused_memory_is_an_error_wherever_it_happens() {
     let me = std::env::current_exe().expect("this test");

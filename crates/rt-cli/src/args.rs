@@ -2,7 +2,7 @@
 
 mod balance;
 mod bench;
-mod cards;
+mod devices;
 mod figure1;
 mod parse;
 mod render;
@@ -13,8 +13,8 @@ mod verify;
 
 pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
-pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand};
+pub(crate) use devices::DeviceArgs;
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;
 use rt_report::exit::Exit;

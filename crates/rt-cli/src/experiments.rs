@@ -70,7 +70,8 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
     let options = bench::Options {
         scenes: args.scenes.clone(),
         devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
-        cards: args.cards.options(),
+        cards: args.device.cards(),
+        isa: args.device.isa,
         rays: args.rays,
         repeat: args.repeat,
         quick: args.quick,

@@ -9,7 +9,6 @@ mod frame;
 mod interrupt;
 mod list;
 mod memory;
-pub mod npy;
 mod progress;
 mod render;
 mod scene;
@@ -23,7 +22,7 @@ use clap::Parser;
 use rt_balance::devices;
 use rt_report::exit::Exit;
 use rt_report::print::StdoutError;
-use rt_report::usage::OrUsage;
+use rt_report::usage::usage;
 use rt_report::{chart, html, output, report, table};
 use std::process::ExitCode;
 
@@ -44,7 +43,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<()> {
-    devices::check_environment().or_usage()?;
+    devices::check_environment().map_err(|bad| usage(bad.to_string()))?;
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
     if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
         // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.

@@ -45,7 +45,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     outputs.spare_materials(&prepared.libraries)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
+    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
     let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
@@ -135,7 +135,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().context("--eye, --target, --up, --fov").or_usage()?;
+    view.camera().or_usage("--eye, --target, --up, --fov")?;
     Ok(view)
 }
 
@@ -196,11 +196,11 @@ fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
 fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
-    costs.write_png(&args.out.join("cost.png"))
+    Ok(costs.write_png(&args.out.join("cost.png"))?)
 }
 
 /// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
-/// its first launches its prices come from sparse samples, which are dearer than what follows.
+/// its first launches its prices come from sparse samples, which are more expensive than what follows.
 fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
     let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
     let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));

@@ -1,6 +1,6 @@
 //! `raybalance verify`: the promises about hits, tried on the devices of this machine.
 
-use crate::args::{CardArgs, VerifyArgs};
+use crate::args::{DeviceArgs, VerifyArgs};
 use crate::table::{Table, grouped, seconds};
 use crate::{interrupt, progress, scene};
 use anyhow::{Result, bail};
@@ -39,7 +39,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     let names = if args.scenes.is_empty() { SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     scene::check(&names)?;
     let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
-    let devices = CardArgs::default().open(Some(&args.backend))?;
+    let devices = DeviceArgs::default().open(Some(&args.backend))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };
     let suite = Suite::new(Options { extent, rays: args.rays, seed: args.seed, builder: args.builder }, models);
 

@@ -20,8 +20,8 @@ pub mod bench;
 pub mod contenders;
 pub mod figure1;
 mod lab;
-mod stretch;
 mod subject;
+mod time_budget;
 pub mod tradeoff;
 
 pub use lab::{Lab, Show};
@@ -29,7 +29,7 @@ pub use lab::{Lab, Show};
 use rt_bvh::{Builder, PlocQuality};
 
 /// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose trees are
-/// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
+/// a little better outdoors (`cargo run --release -p rt-benches --bin peers -- SCENE --builder NAME`).
 pub const DEFAULT_BUILDER: Builder = Builder::Ploc(PlocQuality::Medium);
 
 /// What is measured where no scene is named.

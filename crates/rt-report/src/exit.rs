@@ -1,10 +1,9 @@
 //! How a program ends: all exit codes, and what is said of a failure.
 
 use crate::print::{Stdout, StdoutError, causes, note};
-use crate::usage::Usage;
+use crate::usage::{Usage, chain};
 use std::error::Error;
-use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Runs a program and ends as the table says: the `main` of whatever has no signals of its own to look after.
@@ -50,11 +49,7 @@ impl Exit {
             return Self::ClosedPipe;
         }
         // Causes on one line: the chain ends with what to do.
-        let mut line = "error".to_owned();
-        for cause in causes(error) {
-            let _ = write!(line, ": {cause}");
-        }
-        note(line);
+        note(format_args!("error: {}", chain(error)));
         if causes(error).any(<dyn Error>::is::<Usage>) { Self::Usage } else { Self::Failure }
     }
 
@@ -88,9 +83,9 @@ mod tests {
     // Mutant: only the innermost error is looked at, or only the outermost.
     #[test]
     fn wrong_usage_is_known_through_what_is_said_of_it() {
-        let wrong: anyhow::Result<()> = Err(usage("--fov must be above 0"));
+        let wrong: anyhow::Result<()> = Err(usage("--fov must be above 0").into());
         assert_eq!(Exit::after(wrong.context("the camera")), Exit::Usage);
-        assert_eq!(Exit::after(Err(usage("--fov must be above 0"))), Exit::Usage);
+        assert_eq!(Exit::after(Err(anyhow::Error::from(usage("--fov must be above 0")))), Exit::Usage);
         assert_eq!(Exit::after(Err(anyhow::anyhow!("no"))), Exit::Failure);
         let plain: Result<(), Box<dyn Error>> = Err("no".into());
         assert_eq!(Exit::after(plain), Exit::Failure);

@@ -1,11 +1,12 @@
 //! Pictures from linear radiance.
 
+use crate::ReportError;
 use crate::output::write_atomically;
-use anyhow::{Context, Result, ensure};
 use glam::Vec3;
+use png::EncodingError;
 use rayon::prelude::*;
 use std::fs::{self, File};
-use std::io::{BufReader, Write};
+use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 /// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
@@ -18,9 +19,11 @@ const BLOCK: usize = 1 << 18;
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<()> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<(), ReportError> {
     let pixels = u64::from(width) * u64::from(height);
-    ensure!(radiance.len() as u64 == pixels, "{} radiances for a picture of {width} × {height}", radiance.len());
+    if radiance.len() as u64 != pixels {
+        return Err(ReportError::Pixels { size: [width, height], found: radiance.len() });
+    }
     write(path, [width, height], |out| {
         let mut bytes: Vec<[u8; 3]> = Vec::new();
         for block in radiance.chunks(BLOCK) {
@@ -32,29 +35,33 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
 }
 
 /// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
-pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
-    write(path, [width, height], |out| Ok(out.write_all(bytes)?))
+pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<(), ReportError> {
+    write(path, [width, height], |out| out.write_all(bytes))
 }
 
 /// Writes a PNG whose pixels `pixels` writes, three bytes each.
-fn write(path: &Path, [width, height]: [u32; 2], pixels: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-    write_atomically(path, |out| encode_png(out, [width, height], pixels))
+fn write(
+    path: &Path,
+    size: [u32; 2],
+    pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), ReportError> {
+    write_atomically(path, |out| encode_png(out, size, pixels))
 }
 
 fn encode_png(
     out: impl Write,
     [width, height]: [u32; 2],
-    pixels: impl FnOnce(&mut dyn Write) -> Result<()>,
-) -> Result<()> {
+    pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    let mut writer = encoder.write_header()?;
-    let mut stream = writer.stream_writer()?;
+    let mut writer = encoder.write_header().map_err(unwrapped)?;
+    let mut stream = writer.stream_writer().map_err(unwrapped)?;
     pixels(&mut stream)?;
-    stream.finish()?;
-    Ok(writer.finish()?)
+    stream.finish().map_err(unwrapped)?;
+    writer.finish().map_err(unwrapped)
 }
 
 /// A picture's file as a page has it.
@@ -66,20 +73,21 @@ pub(crate) struct Preview {
 
 /// A PNG of at most `most` pixels (more by what rounding up adds) from one that [`write_png`] wrote: the file itself, or each square
 /// of its pixels as their mean. Takes no memory that grows with the picture.
-pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview> {
-    let failed = || format!("cannot read `{}`", path.display());
-    let file = File::open(path).with_context(failed)?;
-    let mut reader = png::Decoder::new(BufReader::new(file)).read_info().with_context(failed)?;
+pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview, ReportError> {
+    scaled(path, most).map_err(|source| ReportError::read(path, source))
+}
+
+fn scaled(path: &Path, most: u32) -> io::Result<Preview> {
+    let file = File::open(path)?;
+    let mut reader = png::Decoder::new(BufReader::new(file)).read_info()?;
     let (width, height) = (reader.info().width, reader.info().height);
-    ensure!(
-        reader.output_color_type() == (png::ColorType::Rgb, png::BitDepth::Eight),
-        "`{}` is not ours",
-        path.display()
-    );
+    if reader.output_color_type() != (png::ColorType::Rgb, png::BitDepth::Eight) {
+        return Err(io::Error::other("its pixels are not those of this program"));
+    }
     let pixels = f64::from(width) * f64::from(height);
     let one_in = (pixels / f64::from(most)).sqrt().ceil().max(1.0) as u32;
     if one_in == 1 {
-        return Ok(Preview { png: fs::read(path).with_context(failed)?, one_in });
+        return Ok(Preview { png: fs::read(path)?, one_in });
     }
     let [columns, rows] = [width, height].map(|side| side.div_ceil(one_in));
     let mut png = Vec::new();
@@ -87,7 +95,7 @@ pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview> {
         for row in 0..rows {
             let mut sums = vec![(Vec3::ZERO, 0.0); columns as usize];
             for _ in 0..one_in.min(height - row * one_in) {
-                let line = reader.next_row()?.context("the picture ends too early")?;
+                let line = reader.next_row()?.ok_or(io::ErrorKind::UnexpectedEof)?;
                 for (pixel, column) in line.data().as_chunks::<3>().0.iter().zip(0..) {
                     let (sum, count) = &mut sums[(column / one_in) as usize];
                     *sum += Vec3::from(pixel.map(|channel| linear(f32::from(channel) / 255.0)));
@@ -99,9 +107,16 @@ pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview> {
             }
         }
         Ok(())
-    })
-    .with_context(failed)?;
+    })?;
     Ok(Preview { png, one_in })
+}
+
+/// The error of whoever was written to, as it was: callers look at its kind.
+fn unwrapped(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::IoError(error) => error,
+        error => io::Error::other(error),
+    }
 }
 
 /// Tone-mapped and encoded as 8-bit sRGB.

@@ -5,10 +5,12 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+mod error;
 pub mod exit;
 pub mod html;
 pub mod image;
 mod machine;
+pub mod npy;
 pub mod output;
 pub mod print;
 mod provenance;
@@ -16,5 +18,6 @@ pub mod report;
 pub mod table;
 pub mod usage;
 
+pub use error::ReportError;
 pub use machine::Machine;
 pub use provenance::Provenance;

@@ -69,14 +69,15 @@ pub fn note(line: impl Display) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyhow::Context;
+    use crate::ReportError;
+    use std::path::Path;
 
     // Mutants: only the outermost error is looked at; the kind is lost.
     #[test]
     fn a_failure_of_standard_output_is_found_behind_other_errors() {
-        let closed: io::Result<()> = Err(StdoutError::wrap(io::ErrorKind::BrokenPipe.into()));
-        let error = closed.context("cannot write `/dev/stdout`").unwrap_err();
-        assert!(StdoutError::of(&*error).unwrap().is_closed());
+        let closed = StdoutError::wrap(io::ErrorKind::BrokenPipe.into());
+        let error = ReportError::write(Path::new("/dev/stdout"), closed);
+        assert!(StdoutError::of(&error).unwrap().is_closed());
         let full = StdoutError::wrap(io::ErrorKind::StorageFull.into());
         assert_eq!(full.kind(), io::ErrorKind::StorageFull);
         assert!(!StdoutError::of(&full).unwrap().is_closed());

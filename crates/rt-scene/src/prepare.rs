@@ -27,7 +27,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the precision.
+    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the
+    /// precision.
     #[must_use]
     pub const fn new(builder: Builder) -> Self {
         Self { builder, invalid: InvalidTriangles::Refuse, precision: None }
@@ -70,8 +71,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from outside, or
-    /// from inside where it is a room. Pictures and measurements have the same.
+    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from
+    /// outside, or from inside where it is a room. Pictures and measurements have the same.
     #[must_use]
     pub fn view(&self) -> View {
         let scene: &Scene = &self.built.scene;

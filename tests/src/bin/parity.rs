@@ -7,8 +7,8 @@
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
 //! another of the admitted answers than a tree; wrong answers, over all builders, both layouts, both careful precisions
-//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
-//! kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
+//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray
+//! and by kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
 #![forbid(unsafe_code)]
 
 use anyhow::{Context, Error, Result, bail};
@@ -61,7 +61,7 @@ fn arguments() -> Result<Arguments> {
             "--seed" => found.seed = number()?,
             "--scene" => found.scene = Some(value),
             "--json" => found.json = Some(value.into()),
-            _ => return Err(usage(format!("{name}: no such option; {USAGE}"))),
+            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
         }
     }
     Ok(found)
@@ -99,7 +99,7 @@ fn run(arguments: &Arguments) -> Result<usize> {
 
 fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(usize, Value)> {
     let begin = Instant::now();
-    let model = scene.load().map_err(Error::msg)?;
+    let model = scenes::load(scene).map_err(Error::msg)?;
     let triangles = scenes::triangles(&model);
     let camera = model.view.map(|view| view.camera()).transpose().with_context(|| scene.name.clone())?;
     let exam = Exam::new(&triangles, camera.as_ref(), arguments.rays, arguments.seed);

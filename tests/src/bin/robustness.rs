@@ -1,10 +1,10 @@
 //! Tries the promises on our devices and on other tracers with the same harness, and writes the tables of
 //! docs/results/robustness.md.
 //!
-//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE]
-//! [--json FILE] [--limit SECONDS]`: the first device of Vulkan and of wgpu through the system's loader, Embree as the
-//! environment variable `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose name contains the word.
-//! `--markdown` replaces what the file has between its two marker lines.
+//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE] [--json FILE] [--limit SECONDS]`:
+//! the first device of Vulkan and of wgpu through the system's loader, Embree as the environment variable
+//! `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose
+//! name contains the word. `--markdown` replaces what the file has between its two marker lines.
 //!
 //! Every case of every tracer runs in a process of its own, since some tracers abort or hang: that is a result too.
 #![forbid(unsafe_code)]
@@ -102,14 +102,14 @@ fn arguments() -> Result<Arguments> {
             "--limit" => found.limit = Duration::from_secs(number()?.into()),
             // Not for people: how this program calls itself.
             "--task" => found.task = Some((value, words.next().ok_or_else(|| usage(USAGE))?)),
-            _ => return Err(usage(format!("{name}: no such option; {USAGE}"))),
+            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
         }
     }
     Ok(found)
 }
 
-/// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for it in
-/// vain.
+/// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for
+/// it in vain.
 fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>)> {
     let cpu = CpuDevice::open_all(&[0])?.pop().context("no CPU device")?;
     let cpu: Arc<dyn Device> = Arc::new(cpu);

@@ -1,8 +1,9 @@
-//! GPU backends: the conformance suite, bit for bit the processor's hits and counts on real scenes, closed meshes that do
-//! not leak, how many rays are left to the host, and what each backend does when things go wrong.
+//! GPU backends: the conformance suite, bit for bit the processor's hits and counts on real scenes, closed meshes that
+//! do not leak, how many rays are left to the host, and what each backend does when things go wrong.
 //!
-//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed. Without a device
-//! the tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be there.
+//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed. Without a
+//! device the tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be
+//! there.
 
 mod contraction;
 mod hits;
@@ -96,7 +97,7 @@ impl Backend {
 }
 
 impl Found {
-    /// The same device opened anew, for tests that break it or look at its tally.
+    /// The same device opened anew, for tests that break it or look at its counters.
     fn again(&self) -> Opened {
         let position = self.position;
         self.backend.enumerate()?.into_iter().nth(position).ok_or("the device is gone")?
@@ -158,7 +159,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         Ok(scenes) => all.extend(scenes.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
             found.trial(&name, move |found| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 hits::compare(&*found.device, &model)
             })
         })),

@@ -1,13 +1,13 @@
-//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the table of
-//! docs/results/sampling.md.
+//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the
+//! table of docs/results/sampling.md.
 //!
 //! `cargo run --release -p rt-benches --bin sampling -- SCENE... [--device cpu:1|vulkan:0] [--kinds primary,diffuse]
 //! [--one-of 8,64,128] [--size 1024x1024] [--runs 7]`
 //!
-//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each way,
-//! and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs. Walks count
-//! exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts, after one common
-//! scale, averaged over eight seeds.
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each
+//! way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs.
+//! Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts,
+//! after one common scale, averaged over eight seeds.
 #![forbid(unsafe_code)]
 
 mod options;
@@ -18,7 +18,7 @@ use backend_vulkan::VulkanDevice;
 use options::Options;
 use rt_balance::clock;
 use rt_balance::stats::median;
-use rt_benches::BenchScene;
+use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
 use rt_report::print::Stdout;
 use rt_report::{Provenance, exit};
@@ -53,8 +53,8 @@ fn run() -> Result<(), Box<dyn Error>> {
     )?;
     writeln!(
         Stdout,
-        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of the trace. \
-         Before it, the price of tracing all rays as single ones. Error per task in %.\n",
+        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of \
+         the trace. Before it, the price of tracing all rays as single ones. Error per task in %.\n",
         options.runs
     )?;
     write!(Stdout, "| scene | rays | traced Mray/s | as single rays | sampled |")?;
@@ -65,20 +65,17 @@ fn run() -> Result<(), Box<dyn Error>> {
         "---|".repeat(Way::ALL.len())
     )?;
     for name in &options.scenes {
-        let bench = BenchScene::open(name)?;
-        let mesh = rt_bvh::Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
-        let scene = built.scene;
+        let prepared = rt_benches::open(name, Builder::Ploc(PlocQuality::Medium))?;
+        let scene = Arc::clone(&prepared.built.scene);
         let mut subject = Subject {
             tracer: open(&options, &scene)?,
             scene: Arc::clone(&scene),
             is_processor: options.vulkan.is_none(),
         };
-        for (stream, source, _) in bench.streams(&scene, options.size)? {
+        for (stream, source, _) in rt_benches::streams(&prepared, options.size)? {
             if let Some(&kind) = options.kinds.iter().find(|kind| kind.to_string().starts_with(stream)) {
                 for &fraction in &options.fractions {
-                    row(&bench.name, &mut subject, kind, &source, fraction, options.runs)?;
+                    row(&prepared.name, &mut subject, kind, &source, fraction, options.runs)?;
                 }
             }
         }

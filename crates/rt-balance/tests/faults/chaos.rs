@@ -137,8 +137,8 @@ fn stream(
     end.fetch_add(1, Ordering::Relaxed);
 }
 
-/// A thousand schedules of one to four devices that fail, panic, hang, are late and lie: each stream ends with the hits of one
-/// device, bit for bit, or in an error with a name that fits.
+/// A thousand schedules of one to four devices that fail, panic, hang, are late and lie: each stream ends with the hits
+/// of one device, bit for bit, or in an error with a name that fits.
 ///
 /// Mutants: most of those of the other tests; tasks of a device that was found out while another was late are lost.
 #[test]

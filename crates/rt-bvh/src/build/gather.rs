@@ -2,10 +2,10 @@
 //!
 //! # Normalising loses nothing
 //!
-//! Coordinates are divided by a power of two, as a rule the one that brings the largest into [½, 1). Where the smallest would
-//! become subnormal and lose bits, the power is the nearest that keeps them all. There is always one, for 1 does: coordinates are
-//! single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case. Builders, which need not be
-//! exact, see all boxes in the first unit, where no area overflows.
+//! Coordinates are divided by a power of two, as a rule the one that brings the largest into [½, 1). Where the smallest
+//! would become subnormal and lose bits, the power is the nearest that keeps them all. There is always one, for 1 does:
+//! coordinates are single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case.
+//! Builders, which need not be exact, see all boxes in the first unit, where no area overflows.
 
 use super::{BuildError, reserved};
 use crate::scale::{exponent, lowest_bit, pow2, scaled};
@@ -118,8 +118,8 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
     })
 }
 
-/// The exponent nearest to `normal`, which brings the largest coordinate below 1, that loses no bit of any coordinate; `least` is
-/// the smallest magnitude but zero.
+/// The exponent nearest to `normal`, which brings the largest coordinate below 1, that loses no bit of any coordinate;
+/// `least` is the smallest magnitude but zero.
 fn lossless_exponent(normal: i32, least: f32, triangles: &[Triangle]) -> i32 {
     // Exponent of the least normal number as `exponent` counts, and of the least number.
     const NORMAL: i32 = -125;

@@ -26,8 +26,8 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
     build_with(mesh, options, &mut |_, _| true)
 }
 
-/// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are, and
-/// says whether to go on. What the crate `obvhs` does is asked about between its steps only.
+/// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are,
+/// and says whether to go on. What the crate `obvhs` does is asked about between its steps only.
 ///
 /// # Errors
 /// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.

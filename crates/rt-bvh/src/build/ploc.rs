@@ -48,8 +48,8 @@ pub(super) fn build(
     Ok(Ok(convert(&cluster(&boxes, &params, control)?, references)))
 }
 
-/// The steps of `obvhs::bvh2::builder::build_bvh2`, which in debug builds panics where a tree is deeper than `obvhs` itself may
-/// traverse: nested boxes suffice for that. Whether a tree is too deep for us is for the caller to say.
+/// The steps of `obvhs::bvh2::builder::build_bvh2`, which in debug builds panics where a tree is deeper than `obvhs`
+/// itself may traverse: nested boxes suffice for that. Whether a tree is too deep for us is for the caller to say.
 fn cluster(
     boxes: &[obvhs::aabb::Aabb],
     params: &BvhBuildParams,

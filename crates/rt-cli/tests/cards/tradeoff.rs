@@ -1,4 +1,5 @@
-//! `raybalance tradeoff` where devices differ in what they can do: graphics cards have two layouts, one kernel and fewer walks.
+//! `raybalance tradeoff` where devices differ in what they can do: graphics cards have two layouts, one kernel and
+//! fewer walks.
 
 use super::Outcome;
 use libtest_mimic::Failed;

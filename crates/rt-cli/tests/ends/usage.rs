@@ -1,4 +1,5 @@
-//! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before any work.
+//! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before
+//! any work.
 
 use crate::folder::{self, Folder};
 

@@ -8,6 +8,7 @@ use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
+use rt_balance::cpu::Isa;
 use rt_balance::devices::{CardOptions, Opened, Opener};
 use rt_report::Provenance;
 use rt_report::output::{self, Outputs};
@@ -37,6 +38,8 @@ pub struct Options {
     pub devices: String,
     /// How graphics cards are used.
     pub cards: CardOptions,
+    /// Instructions that processors trace with; `None`: the best there are.
+    pub isa: Option<Isa>,
     /// Rays of a launch; `None`: as many as suit the device.
     pub rays: Option<u32>,
     /// Repetitions that count.
@@ -63,7 +66,8 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     let outputs = options.out.iter().fold(Outputs::new(), |outputs, path| outputs.file("--out", path)).scenes(&scenes);
     outputs.check()?;
     let lab = lab.writing(&outputs);
-    let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
+    let devices =
+        Opener::with_cards(options.cards).with_isa(options.isa).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,

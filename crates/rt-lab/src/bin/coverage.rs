@@ -160,7 +160,7 @@ fn cases(options: &Options) -> Result<Vec<Case>> {
     let known: Vec<String> = cases.iter().map(|case: &Case| case.name.clone()).collect();
     let cases: Vec<Case> = cases.into_iter().filter(asked).collect();
     if cases.is_empty() {
-        return Err(usage(format!("--only {}: there are {}", options.only.join(","), known.join("; "))));
+        return Err(usage(format!("--only {}: there are {}", options.only.join(","), known.join("; "))).into());
     }
     Ok(cases)
 }
@@ -240,10 +240,10 @@ impl Case {
             coherence: Coherence::Unknown,
             tasks,
             seed,
-            part: 0,
+            wave: 0,
             source: Some(source),
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());

@@ -165,7 +165,7 @@ impl Plan<'_> {
 
     fn scheduling(&self, config: &Contender) -> Scheduling {
         // The question is what an estimate gives, not whether it pays.
-        Scheduling { blind_excess: Some(1.0), ..config.scheduling(self.estimate) }
+        Scheduling { uninformed_excess: Some(1.0), ..config.scheduling(self.estimate) }
     }
 }
 

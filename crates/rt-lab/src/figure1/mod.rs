@@ -5,8 +5,8 @@ mod write;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::catalogue::Estimator;
@@ -93,7 +93,7 @@ pub struct Options {
 /// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     if !options.task_sizes.is_sorted_by(|a, b| a < b) {
-        return Err(usage("--task-sizes must increase, such as 64,256,1024"));
+        return Err(usage("--task-sizes must increase, such as 64,256,1024").into());
     }
     let outputs = Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes);
     outputs.check()?;
@@ -121,8 +121,8 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         None => Devices::Real,
     };
     let steps = options.scenes.len() * 2 * options.task_sizes.len();
-    let stretch = Stretch::whole(lab.show, None).with_steps(steps, repetitions + 1);
-    stretch.label("measuring");
+    let time = TimeBudget::whole(lab.show, None).with_steps(steps, repetitions + 1);
+    time.label("measuring");
     for scene in &options.scenes {
         let mut subject = Subject::open(lab, scene, &setting.devices)?;
         results.provenance.devices = subject.devices();
@@ -138,11 +138,11 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
                 repetitions,
                 seed: options.seed,
             };
-            let panel = plan.measure(&mut subject, &stream, &|| stretch.step());
+            let panel = plan.measure(&mut subject, &stream, &|| time.step());
             results.panels.push(panel.with_context(|| format!("{}, {} rays", scene.display(), stream.kind))?);
         }
     }
-    stretch.finish();
+    time.finish();
     write::all(lab, &options.out, &results)
 }
 
@@ -151,7 +151,7 @@ fn setting(options: &Options) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
         let devices = open(list.unwrap_or("cpu:1"))?;
         if devices.len() != 1 {
-            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
+            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1").into());
         }
         Ok(devices)
     };

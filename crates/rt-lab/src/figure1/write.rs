@@ -18,7 +18,7 @@ pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
     let figure = figure(results);
     figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure, &results.provenance)?;
     let csv = csv(results);
-    write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
+    write_atomically(&out.join("figure1.csv"), |file| file.write_all(csv.as_bytes()))?;
     write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
     page(results, &figure)?.write(&out.join("report.html"))?;
     let mut text = format!("{}\n", figure.title);

@@ -4,8 +4,8 @@ use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
 use crate::contenders::uninformed;
-use crate::stretch::Stretch;
 use crate::subject::{Subject, trace};
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use rt_balance::stats::Summary;
 use rt_balance::{Balancer, QueueKind, Scheduling, Stream};
@@ -52,7 +52,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     page.section("Build time against rays per second");
     let scenes = &setting.args.scenes;
     for (index, scene) in scenes.iter().enumerate() {
-        let measured = measure(setting, scene, &setting.stretch.equal_part(scenes.len(), index))?;
+        let measured = measure(setting, scene, &setting.time.equal_part(scenes.len(), index))?;
         let chart = chart(&measured);
         let Some(name) = measured.first().map(|row| row.scene.clone()) else { continue };
         let svg = front::to_svg(&chart)?;
@@ -69,10 +69,10 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     setting.write_markdown("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
     setting.write_json("build.json", &rows)?;
-    Ok(setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
+    Ok(setting.time.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
 }
 
-fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<Vec<Row>> {
     let mut subject = Subject::open(setting.lab, scene, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
@@ -81,8 +81,8 @@ fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result
     let mut balancers: Vec<Balancer> = Vec::new();
     let mut hits: Vec<Hit> = Vec::new();
     let builders = builders(setting.args.quick);
-    let stretch = stretch.clone().with_steps(builders.len(), setting.repeat + 1);
-    for round in stretch.rounds(setting.repeat) {
+    let time = time.clone().with_steps(builders.len(), setting.repeat + 1);
+    for round in time.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
             let options = BuildOptions { builder, ..subject.options().build() };
@@ -113,7 +113,7 @@ fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result
             if round > 0 {
                 rows[index].build_s.push(build_s);
             }
-            stretch.step();
+            time.step();
         }
     }
     for row in &mut rows {

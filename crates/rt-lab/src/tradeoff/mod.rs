@@ -9,8 +9,8 @@ mod streams;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result, anyhow};
 use rt_balance::Scheduling;
 use rt_balance::devices::Opener;
@@ -145,7 +145,7 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
         let reasons = left_out.join("; ");
-        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
+        return Err(if common.devices.is_some() { usage(reasons).into() } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
@@ -164,16 +164,16 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
     let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let stretch = Stretch::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
+    let time = TimeBudget::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
     let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
     for (index, trade) in trades.into_iter().enumerate() {
-        let stretch = stretch.part(&weights, index);
-        stretch.label(trade.name);
+        let time = time.part(&weights, index);
+        time.label(trade.name);
         let on = if trade.name == LAYOUT { &layout::one_each(&cards) } else { &devices };
-        let setting = setting(lab, common, trade, (on, &cards), stretch)?;
+        let setting = setting(lab, common, trade, (on, &cards), time)?;
         (trade.run)(&setting, &mut page)?;
     }
-    stretch.finish();
+    time.finish();
     finish(lab, &page, &common.out, begin)
 }
 
@@ -193,7 +193,8 @@ fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
         (Some(device), true) => Ok(device),
         _ => Err(usage(format!(
             "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
-        ))),
+        ))
+        .into()),
     }
 }
 
@@ -203,10 +204,10 @@ fn setting<'a>(
     args: &'a Options,
     trade: &Trade,
     (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
-    stretch: Stretch<'a>,
+    time: TimeBudget<'a>,
 ) -> Result<Setting<'a>> {
     let most = if args.quick { QUICK_SIZE } else { SIZE };
-    let size = match (args.size, stretch.left()) {
+    let size = match (args.size, time.left()) {
         (Some(size), _) => size,
         (None, None) => most,
         (None, Some(left)) => {
@@ -220,7 +221,7 @@ fn setting<'a>(
         size,
     };
     let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
-    Ok(Setting { lab, args, devices, cards, size, repeat, stretch, head })
+    Ok(Setting { lab, args, devices, cards, size, repeat, time, head })
 }
 
 /// Rays that the devices trace in a second, together or in turn: of the first scene, primary and diffuse ones.
@@ -274,9 +275,9 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
     let provenance = precision::provenance(own, &devices);
     let mut page = Page::new(TITLE, &provenance, &seeds);
-    let stretch = Stretch::whole(lab.show, None);
-    precision::run(lab, own, &devices, &stretch, &mut page)?;
-    stretch.finish();
+    let time = TimeBudget::whole(lab.show, None);
+    precision::run(lab, own, &devices, &time, &mut page)?;
+    time.finish();
     finish(lab, &page, &own.out, begin)
 }
 
@@ -284,7 +285,7 @@ pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let own = precision::Options { size: Some(setting.size), ..precision::Options::of(setting.args, DEVICE) };
     let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
-    precision::run(setting.lab, &own, &devices, &setting.stretch, page)
+    precision::run(setting.lab, &own, &devices, &setting.time, page)
 }
 
 #[cfg(test)]

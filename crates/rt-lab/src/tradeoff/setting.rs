@@ -3,7 +3,7 @@
 use super::Options;
 use super::layout::Card;
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use anyhow::Result;
 use rt_core::Device;
 use rt_report::Provenance;
@@ -23,7 +23,7 @@ pub(super) struct Setting<'a> {
     pub(super) size: [u32; 2],
     pub(super) repeat: u32,
     /// The trade's part of the time and of the bar.
-    pub(super) stretch: Stretch<'a>,
+    pub(super) time: TimeBudget<'a>,
     pub(super) head: Head,
 }
 
@@ -39,7 +39,7 @@ pub(super) struct Head {
 impl Setting<'_> {
     /// Writes a text file into the output folder.
     pub(super) fn write(&self, name: &str, text: &str) -> Result<()> {
-        write_atomically(&self.args.out.join(name), |out| Ok(out.write_all(text.as_bytes())?))
+        Ok(write_atomically(&self.args.out.join(name), |out| out.write_all(text.as_bytes()))?)
     }
 
     /// Writes a drawing into the output folder.
@@ -61,7 +61,7 @@ impl Setting<'_> {
             results: &'a T,
         }
         let file = File { head: &self.head, results };
-        write_atomically(&self.args.out.join(name), |out| Ok(serde_json::to_writer_pretty(out, &file)?))
+        Ok(write_atomically(&self.args.out.join(name), |out| Ok(serde_json::to_writer_pretty(out, &file)?))?)
     }
 
     /// Lines that open a CSV file.

@@ -2,7 +2,7 @@
 
 use super::canvas::{Align, Canvas, Rgb};
 use super::scale::{significant, tick_label, ticks};
-use anyhow::{Result, ensure};
+use crate::ReportError;
 use rt_core::Task;
 use std::path::Path;
 
@@ -156,8 +156,10 @@ impl CostMap {
     ///
     /// # Errors
     /// When the picture is empty or the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> Result<()> {
-        ensure!(!self.cells.is_empty(), "a cost map of no pixels has nothing to show");
+    pub fn write_png(&self, path: &Path) -> Result<(), ReportError> {
+        if self.cells.is_empty() {
+            return Err(ReportError::Nothing("a cost map of no pixels"));
+        }
         let enlarged = SMALLEST_PANEL.div_ceil(self.size[0].max(self.size[1])).max(1);
         let [width, height] = self.size.map(|side| side * enlarged);
         let mut scale = Scale::of(&[&self.estimated, &self.measured]);

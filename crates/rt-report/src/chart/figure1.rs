@@ -8,9 +8,8 @@
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
-use crate::Provenance;
 use crate::output::write_atomically;
-use anyhow::{Result, ensure};
+use crate::{Provenance, ReportError};
 use std::path::Path;
 
 /// Everything the figure shows.
@@ -84,10 +83,10 @@ const FRONT: f64 = 0.5;
 ///
 /// # Errors
 /// When there is nothing to draw or a file cannot be written.
-pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<()> {
+pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<(), ReportError> {
     let sheet = draw(figure)?;
     let text = provenance.in_svg(&sheet.to_svg());
-    write_atomically(svg, |out| Ok(out.write_all(text.as_bytes())?))?;
+    write_atomically(svg, |out| out.write_all(text.as_bytes()))?;
     sheet.write_png(png)
 }
 
@@ -95,12 +94,14 @@ pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -
 ///
 /// # Errors
 /// When there is nothing to draw.
-pub fn to_svg(figure: &Figure) -> Result<String> {
+pub fn to_svg(figure: &Figure) -> Result<String, ReportError> {
     Ok(draw(figure)?.to_svg())
 }
 
-fn draw(figure: &Figure) -> Result<Sheet> {
-    ensure!(!figure.panels.is_empty(), "a figure without panels has nothing to show");
+fn draw(figure: &Figure) -> Result<Sheet, ReportError> {
+    if figure.panels.is_empty() {
+        return Err(ReportError::Nothing("a figure without panels"));
+    }
     let rows = figure.panels.len().div_ceil(2);
     let top = 52.0 + NOTE * figure.notes.len() as f64 + 2.0 * LEGEND + 14.0;
     let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL + 8.0);

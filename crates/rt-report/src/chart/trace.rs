@@ -4,9 +4,8 @@
 //! one thread per device, and one more for the streams.
 
 use super::bars;
-use crate::Provenance;
 use crate::output::write_atomically;
-use anyhow::Result;
+use crate::{Provenance, ReportError};
 use rt_balance::report::{ActivityKind, StreamRun};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -18,7 +17,7 @@ const NODE: u32 = 0;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
+pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
     write_atomically(path, |out| {
         // What the format does not know viewers keep as it is.
         let provenance = serde_json::to_string(provenance)?;
@@ -27,7 +26,7 @@ pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> R
             out.write_all(if index == 0 { b"\n" } else { b",\n" })?;
             serde_json::to_writer(&mut *out, &event)?;
         }
-        Ok(out.write_all(b"\n]}\n")?)
+        out.write_all(b"\n]}\n")
     })
 }
 

@@ -6,11 +6,10 @@
 mod cost_map;
 pub mod render;
 
-use crate::Provenance;
 use crate::image::{self, Preview};
 use crate::output::write_atomically;
 use crate::table::Table;
-use anyhow::Result;
+use crate::{Provenance, ReportError};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -78,7 +77,7 @@ impl Page {
     ///
     /// # Errors
     /// When the file cannot be read.
-    pub fn picture(&mut self, file: &Path, alt: &str) -> Result<()> {
+    pub fn picture(&mut self, file: &Path, alt: &str) -> Result<(), ReportError> {
         let Preview { png, one_in } = image::preview(file, MOST_PIXELS)?;
         let _ =
             write!(self.body, "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\">", escaped(alt), base64(&png));
@@ -158,9 +157,9 @@ impl Page {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let html = self.to_html();
-        write_atomically(path, |out| Ok(out.write_all(html.as_bytes())?))
+        write_atomically(path, |out| out.write_all(html.as_bytes()))
     }
 }
 

@@ -2,11 +2,11 @@
 
 use super::Page;
 use super::cost_map::Costs;
+use crate::ReportError;
 use crate::chart::cost::CostMap;
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
 use crate::table;
-use anyhow::Result;
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
 use std::path::Path;
@@ -38,7 +38,7 @@ impl Rendered<'_> {
     ///
     /// # Errors
     /// When the picture cannot be read or the page not be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let scene = &self.report.scene;
         let seed = self.report.provenance.seed.unwrap_or_default();
         let seeds = format!("Seed {seed} of samples, pixels and bounces.");

@@ -81,8 +81,8 @@ pub(super) struct Colours {
     pub(super) warnings: Vec<String>,
 }
 
-/// Reads the libraries that a text names and finds the colour of each triangle. Materials are looked up when all is read,
-/// so that their names may come before them.
+/// Reads the libraries that a text names and finds the colour of each triangle. Materials are looked up when all is
+/// read, so that their names may come before them.
 pub(super) fn colour(
     uses: &Uses<'_>,
     file: &str,
@@ -260,8 +260,8 @@ impl Shelf<'_> {
     }
 }
 
-/// The colour of a `Kd` statement: `r g b`, or `r` alone for a grey, or `xyz x y z` likewise; `Some(None)` for a spectrum,
-/// which is not read, and `None` for anything else.
+/// The colour of a `Kd` statement: `r g b`, or `r` alone for a grey, or `xyz x y z` likewise; `Some(None)` for a
+/// spectrum, which is not read, and `None` for anything else.
 fn diffuse(statement: &Statement<'_>) -> Option<Option<Vec3>> {
     let mut words = statement.arguments().peekable();
     let kind = words.peek()?.to_ascii_lowercase();
@@ -322,8 +322,8 @@ pub(super) fn read_beside(folder: &Path, file: &str) -> io::Result<(PathBuf, Vec
     Ok((path, bytes))
 }
 
-/// A file that is meant by a name which leads nowhere: with the separators of Windows, in upper and lower case, or in the
-/// folders of the machine where it was written, in which case the one in `folder` is taken.
+/// A file that is meant by a name which leads nowhere: with the separators of Windows, in upper and lower case, or in
+/// the folders of the machine where it was written, in which case the one in `folder` is taken.
 fn similar(folder: &Path, file: &str) -> Option<PathBuf> {
     let file = file.replace('\\', "/");
     let last = file.rsplit('/').next().unwrap_or(&file);

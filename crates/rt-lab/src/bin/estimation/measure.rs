@@ -117,7 +117,7 @@ impl Case {
             Self::list(&Options { only: Vec::new(), ..options.clone() }).into_iter().map(|case| case.name).collect();
         let family = |name: &str| name.split(' ').next().unwrap_or_default().to_owned();
         match options.only.iter().find(|only| !names.iter().any(|name| *only == name || **only == family(name))) {
-            Some(unknown) => Err(usage(format!("--only {unknown}: there are {}", names.join(", ")))),
+            Some(unknown) => Err(usage(format!("--only {unknown}: there are {}", names.join(", "))).into()),
             None => Ok(()),
         }
     }
@@ -162,10 +162,10 @@ impl Case {
             coherence: Coherence::Unknown,
             tasks,
             seed,
-            part: 0,
+            wave: 0,
             source: Some(source),
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;

@@ -2,8 +2,8 @@
 
 use super::{Card, LAYOUTS};
 use crate::Lab;
-use crate::stretch::Stretch;
 use crate::subject::in_kernel;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use anyhow::{Context, Result};
@@ -72,7 +72,7 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<SceneRows> {
     let prepared = setting.lab.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
@@ -100,8 +100,8 @@ pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>
             );
         }
     }
-    let stretch = stretch.clone().with_steps(measured.rows.len(), setting.repeat + 1);
-    for round in stretch.rounds(setting.repeat) {
+    let time = time.clone().with_steps(measured.rows.len(), setting.repeat + 1);
+    for round in time.rounds(setting.repeat) {
         let made = make(&prepared)?;
         if round > 0 {
             measured.build_s.push(made[0]);
@@ -113,7 +113,7 @@ pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>
                 let Some(pair) = pairs.next() else { break };
                 trace(setting.lab, pair, tracers, kind, round, prepared.precision)
                     .with_context(|| format!("{} rays on {}", kind.name, pair[0].entry))?;
-                pair.iter().for_each(|_| stretch.step());
+                pair.iter().for_each(|_| time.step());
             }
         }
     }

@@ -79,7 +79,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let scenes = &setting.args.scenes;
     let mut rows = Vec::new();
     for (index, scene) in scenes.iter().enumerate() {
-        rows.push(measure::measure(setting, scene, &setting.stretch.equal_part(scenes.len(), index))?);
+        rows.push(measure::measure(setting, scene, &setting.time.equal_part(scenes.len(), index))?);
     }
     write::all(setting, &rows, page)
 }

@@ -39,7 +39,7 @@ pub(super) fn all(setting: &Setting<'_>, scenes: &[SceneRows], page: &mut Page) 
     setting.write("layout.csv", &csv(setting.csv_head(), scenes))?;
     setting.write_json("layout.json", &scenes)?;
     let words = words.join("\n");
-    Ok(setting.stretch.print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{words}"))?)
+    Ok(setting.time.print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{words}"))?)
 }
 
 /// How to read the tables, how sure the intervals are, and what cards have to say.

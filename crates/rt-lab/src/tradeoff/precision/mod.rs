@@ -3,7 +3,7 @@
 mod write;
 
 use super::streams::{Kind, STREAMS, launch, reference, streams};
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
 use rt_balance::clock;
@@ -130,16 +130,16 @@ pub(super) fn run(
     lab: Lab<'_>,
     args: &Options,
     devices: &[Opened],
-    stretch: &Stretch<'_>,
+    time: &TimeBudget<'_>,
     page: &mut Page,
 ) -> Result<()> {
-    stretch.label("precision");
+    time.label("precision");
     let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     let (size, runs, sample) = args.effort();
     let (mut rows, mut builder) = (Vec::new(), "");
     for (index, name) in names.iter().enumerate() {
-        let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { lab, prepared: lab.prepare(name)?, size, runs, sample, seed: args.seed, stretch };
+        let time = time.equal_part(names.len(), index);
+        let bench = Bench { lab, prepared: lab.prepare(name)?, size, runs, sample, seed: args.seed, time };
         bench.measure(devices, &mut rows)?;
         builder = bench.prepared.options.builder.name();
     }
@@ -157,7 +157,7 @@ pub(super) fn run(
     })?;
     let svg = chart::to_svg(&fronts(&report));
     output::write_atomically(&args.out.join("precision.svg"), |file| {
-        Ok(file.write_all(report.provenance.in_svg(&svg).as_bytes())?)
+        file.write_all(report.provenance.in_svg(&svg).as_bytes())
     })?;
     page.section("Speed against wrong answers");
     page.chart(
@@ -170,9 +170,9 @@ pub(super) fn run(
     notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
-        stretch.print(&format!("\n{title}\n\n{table}"))?;
+        time.print(&format!("\n{title}\n\n{table}"))?;
     }
-    Ok(notes.iter().try_for_each(|note| stretch.print(&format!("  {note}")))?)
+    Ok(notes.iter().try_for_each(|note| time.print(&format!("  {note}")))?)
 }
 
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
@@ -200,7 +200,7 @@ struct Bench<'a> {
     /// Rays of each stream that the exact reference judges.
     sample: u32,
     seed: u32,
-    stretch: Stretch<'a>,
+    time: TimeBudget<'a>,
 }
 
 impl Bench<'_> {
@@ -214,9 +214,9 @@ impl Bench<'_> {
             let right = reference(&scene, &kind.source, kind.query);
             for (on, named) in devices.iter().enumerate() {
                 let device = named.device.as_ref();
-                let stretch = self.stretch.equal_part(cells, index * devices.len() + on);
-                let sample = self.affordable(kind, &triangles, &stretch);
-                let timed = self.time(device, &scene, kind, &stretch.part(&[2.0, 1.0], 0))?;
+                let time = self.time.equal_part(cells, index * devices.len() + on);
+                let sample = self.affordable(kind, &triangles, &time);
+                let timed = self.time(device, &scene, kind, &time.part(&[2.0, 1.0], 0))?;
                 for (precision, timed) in PRECISIONS.into_iter().zip(&timed) {
                     let accuracy = Accuracy::of(
                         |i| kind.source.ray(i as u32).0,
@@ -239,8 +239,8 @@ impl Bench<'_> {
     }
 
     /// How many rays the exact reference can judge in a third of the time.
-    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch<'_>) -> u32 {
-        let Some(left) = stretch.left() else { return self.sample };
+    fn affordable(&self, kind: &Kind, triangles: &[Triangle], time: &TimeBudget<'_>) -> u32 {
+        let Some(left) = time.left() else { return self.sample };
         let (rays, _) = sampled(&kind.source, &[], TRIED.min(self.sample));
         let begin = Instant::now();
         // Whatever the hits are, it takes as long.
@@ -251,12 +251,12 @@ impl Bench<'_> {
     }
 
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch<'_>) -> Result<[Timed; 3]> {
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, time: &TimeBudget<'_>) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
         let mut timed = [(); 3].map(|()| Timed::default());
-        let stretch = stretch.clone().with_steps(PRECISIONS.len(), self.runs + 1);
-        for round in stretch.rounds(self.runs) {
+        let time = time.clone().with_steps(PRECISIONS.len(), self.runs + 1);
+        for round in time.rounds(self.runs) {
             let round = round as usize;
             for turn in 0..PRECISIONS.len() {
                 self.lab.go_on()?;
@@ -269,7 +269,7 @@ impl Bench<'_> {
                     timed[which].seconds.push(launch.span.duration().as_secs_f64());
                 }
                 timed[which].hits = launch.hits;
-                stretch.step();
+                time.step();
             }
         }
         Ok(timed)

@@ -162,10 +162,10 @@ mod tests {
                 coherence: Coherence::Unknown,
                 tasks: &tasks,
                 seed: 1,
-                part: 0,
+                wave: 0,
                 source: None,
                 devices: 1,
-                blind_excess: 1.0,
+                uninformed_excess: 1.0,
             };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),

@@ -2,8 +2,8 @@
 
 use super::estimators::{Kind, kinds};
 use crate::contenders::{self, Contender, MACHINES};
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
 use rt_balance::catalogue::ESTIMATORS;
@@ -115,13 +115,13 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<String>)> {
+    pub(super) fn measure(&self, scene: &Path, time: &TimeBudget<'_>) -> Result<(Vec<Cell>, Vec<String>)> {
         let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
         let tries = tries(&offered, self.fractions);
         let steps = streams.len() * self.task_sizes.len() * tries.len();
-        let stretch = stretch.clone().with_steps(steps, self.setting.repeat + 1);
+        let time = time.clone().with_steps(steps, self.setting.repeat + 1);
         let mut cells = Vec::new();
         for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
             for &size in self.task_sizes {
@@ -130,13 +130,13 @@ impl<'a> Sweep<'a> {
             }
         }
         // Rounds are outermost, so that a machine whose speed drifts slows all settings alike.
-        for round in stretch.rounds(self.setting.repeat) {
+        for round in time.rounds(self.setting.repeat) {
             let mut cells = cells.iter_mut();
             for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
                 for &size in self.task_sizes {
                     let seed = self.setting.args.seed.wrapping_add(round);
                     let stream = Stream { seed, ..stream.clone().with_task_size(size) };
-                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &stretch)?;
+                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &time)?;
                     let Some(cells) = cells.next() else { break };
                     if round > 0 {
                         cells.iter_mut().zip(measured).for_each(|(cell, sample)| cell.push(seed, sample));
@@ -180,7 +180,7 @@ impl<'a> Sweep<'a> {
         stream: &Stream,
         tries: &[Try],
         round: usize,
-        stretch: &Stretch<'_>,
+        time: &TimeBudget<'_>,
     ) -> Result<Vec<([f64; 3], Sample)>> {
         let reference = subject.reference(stream)?;
         let task_s = reference.seconds.first().context("the device failed")?;
@@ -199,7 +199,7 @@ impl<'a> Sweep<'a> {
                     slot.1[EXCESS..].copy_from_slice(&excess);
                 }
             }
-            stretch.step();
+            time.step();
         }
         Ok(samples)
     }
@@ -240,7 +240,7 @@ fn tries(kinds: &[Kind], fractions: &[f64]) -> Vec<Try> {
 
 fn run(subject: &mut Subject<'_>, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
     // One device has nothing to gain; the virtual ones do.
-    subject.trace(stream, &mut Scheduling { estimator, blind_excess: Some(1.0), ..Scheduling::default() })
+    subject.trace(stream, &mut Scheduling { estimator, uninformed_excess: Some(1.0), ..Scheduling::default() })
 }
 
 fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {

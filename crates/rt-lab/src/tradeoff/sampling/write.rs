@@ -60,8 +60,8 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[String], pag
     setting.write_markdown("sampling.md", &markdown)?;
     setting.write("sampling.csv", &csv(setting, cells))?;
     setting.write_json("sampling.json", &cells)?;
-    setting.stretch.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"))?;
-    Ok(left_out.iter().try_for_each(|text| setting.stretch.print(&format!("  {text}")))?)
+    setting.time.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"))?;
+    Ok(left_out.iter().try_for_each(|text| setting.time.print(&format!("  {text}")))?)
 }
 
 /// How to read the tables.
