@@ -207,8 +207,8 @@ fn sources(folder: &Path) -> Vec<PathBuf> {
     entries.flat_map(of).filter(|path| path.extension().is_some_and(|kind| kind == "rs")).collect()
 }
 
-/// What measures chooses estimators, policies and queues from the catalogue, and reads the driver's clock. Fails when an experiment
-/// makes one by itself: that is how second lists begin.
+/// What measures chooses estimators, policies and queues from the catalogue, and reads the driver's clock. Fails when
+/// an experiment makes one by itself: that is how second lists begin.
 #[test]
 fn measuring_code_has_no_list_of_its_own() {
     for file in ["crates/rt-lab/src", "crates/rt-cli/src", "xtask/src"].iter().flat_map(|f| sources(&root().join(f))) {

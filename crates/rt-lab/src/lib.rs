@@ -8,7 +8,8 @@
 //! | [`arguments`] | values on the command lines of programs that run experiments |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
-//! Programs, each with `--help`: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong they are),
+//! Programs, each with `--help`: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong
+//! they are),
 //! `coverage` (how often their intervals hold). `cargo run --release -p rt-lab --bin compare -- yard` runs one.
 //!
 //! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing

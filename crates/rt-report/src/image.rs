@@ -71,8 +71,8 @@ pub(crate) struct Preview {
     pub(crate) one_in: u32,
 }
 
-/// A PNG of at most `most` pixels (more by what rounding up adds) from one that [`write_png`] wrote: the file itself, or each square
-/// of its pixels as their mean. Takes no memory that grows with the picture.
+/// A PNG of at most `most` pixels (more by what rounding up adds) from one that [`write_png`] wrote: the file itself,
+/// or each square of its pixels as their mean. Takes no memory that grows with the picture.
 pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview, ReportError> {
     scaled(path, most).map_err(|source| ReportError::read(path, source))
 }
@@ -193,7 +193,8 @@ mod tests {
         assert!(write_png(&path, [2, 2], &[Vec3::ZERO], 1.0).is_err());
     }
 
-    /// Mutants: means of what is encoded; the last row or column, of fewer pixels, lost or darkened; a small picture scaled.
+    /// Mutants: means of what is encoded; the last row or column, of fewer pixels, lost or darkened; a small picture
+    /// scaled.
     #[test]
     fn a_preview_is_the_mean_of_squares() {
         let dir = tempfile::tempdir().unwrap();

@@ -1,7 +1,7 @@
 //! Standard output and standard error, which may be closed or full like any other file.
 //!
-//! The macros of the standard library panic then, so lints forbid them outside tests: every program prints through this module and
-//! ends by [`exit`](crate::exit).
+//! The macros of the standard library panic then, so lints forbid them outside tests: every program prints through this
+//! module and ends by [`exit`](crate::exit).
 
 use std::error::Error;
 use std::fmt::{self, Display};

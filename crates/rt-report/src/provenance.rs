@@ -1,7 +1,7 @@
 //! Where results come from: what every file of them carries.
 //!
-//! It is made here alone, when the results are. Programs that compare files leave it out: it is the field `provenance` of JSON
-//! files, lines that begin with `#` in front of CSV, the element `metadata` of SVG.
+//! It is made here alone, when the results are. Programs that compare files leave it out: it is the field `provenance`
+//! of JSON files, lines that begin with `#` in front of CSV, the element `metadata` of SVG.
 
 use crate::Machine;
 use crate::html::escaped;
@@ -15,8 +15,8 @@ const COMMIT: &str = env!("RAYBALANCE_COMMIT");
 /// Where results come from.
 #[derive(Clone, Debug, Serialize)]
 pub struct Provenance {
-    /// The commit that the program was built from, `+changes` behind it where files had been changed since; `unknown` where
-    /// it was not built in a repository.
+    /// The commit that the program was built from, `+changes` behind it where files had been changed since; `unknown`
+    /// where it was not built in a repository.
     pub commit: &'static str,
     /// When it was made: the universal time, as RFC 3339 writes it.
     pub date: String,

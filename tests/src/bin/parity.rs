@@ -2,7 +2,8 @@
 //!
 //! `cargo run --release -p rt-tests --bin parity -- --rays 100000 [--scene NAME] [--seed N] [--json FILE]`, with the
 //! environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
-//! ours is wrong, 2 when an option is. Embree is left out, with the reason, where its library is missing; `RT_REQUIRE=embree` forbids that.
+//! ours is wrong, 2 when an option is. Embree is left out, with the reason, where its library is missing;
+//! `RT_REQUIRE=embree` forbids that.
 //!
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives

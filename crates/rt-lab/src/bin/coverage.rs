@@ -66,7 +66,8 @@ struct Options {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u32,
     /// Shares of the rays that are sampled
-    #[arg(long, value_name = "F,...", value_delimiter = ',', default_value = "1/8,1/64", value_parser = arguments::fraction)]
+    #[arg(long, value_name = "F,...", value_delimiter = ',', default_value = "1/8,1/64")]
+    #[arg(value_parser = arguments::fraction)]
     fractions: Vec<f64>,
     /// Only estimators whose name begins with one of these
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]

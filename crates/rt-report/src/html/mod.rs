@@ -17,7 +17,8 @@ const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
-/// Most pixels of a picture that a page embeds as they are. So a page stays below [`LARGEST`] bytes, whatever is rendered.
+/// Most pixels of a picture that a page embeds as they are. So a page stays below [`LARGEST`] bytes, whatever is
+/// rendered.
 pub const MOST_PIXELS: u32 = 1 << 20;
 
 /// Most bytes of a page: a picture that does not compress takes 4 MB of base 64, the cost of each task as much.
@@ -85,7 +86,8 @@ impl Page {
             let name = escaped(&file.file_name().unwrap_or_default().to_string_lossy());
             let _ = write!(
                 self.body,
-                "<figcaption>Scaled to 1/{one_in}, to keep this page small. All pixels: <a href=\"{name}\">{name}</a></figcaption>"
+                "<figcaption>Scaled to 1/{one_in}, to keep this page small. All pixels: \
+                 <a href=\"{name}\">{name}</a></figcaption>"
             );
         }
         let _ = writeln!(self.body, "</figure>");

@@ -59,8 +59,8 @@ impl Rendered<'_> {
         );
         if let Some(kinds) = self.blind() {
             page.paragraph(&format!(
-                "No estimate was made of {kinds} rays: it would have cost more than the expected gain. Where estimates are shown \
-                 here, every ray counts the same."
+                "No estimate was made of {kinds} rays: it would have cost more than the expected gain. Where estimates \
+                 are shown here, every ray counts the same."
             ));
         }
         match self.costs() {

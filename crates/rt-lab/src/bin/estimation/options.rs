@@ -14,13 +14,15 @@ pub(crate) struct Options {
     #[arg(required = true, value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     /// Kinds of rays: primary, diffuse
-    #[arg(long, value_name = "KIND,...", value_delimiter = ',', default_value = "primary,diffuse", value_parser = arguments::kind)]
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', default_value = "primary,diffuse")]
+    #[arg(value_parser = arguments::kind)]
     pub(crate) kinds: Vec<StreamKind>,
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = arguments::size)]
     pub(crate) size: [u32; 2],
     /// Rays of a task
-    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1024,64", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1024,64")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) task_sizes: Vec<u32>,
     /// Repetitions that count, each with another seed
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
