@@ -23,7 +23,7 @@ pub(crate) struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(lab: Lab<'a>, scene: &Path, devices: &[Arc<dyn Device>]) -> Result<Self> {
-        let prepared = (lab.scenes)(scene)?;
+        let prepared = lab.prepare(scene)?;
         let scene = Arc::clone(&prepared.built.scene);
         let balancer = Balancer::open(scene, devices, &Limits::default(), lab.control())?;
         Ok(Self { lab, balancer, prepared, hits: Vec::new() })

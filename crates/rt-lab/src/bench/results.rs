@@ -3,6 +3,7 @@
 use super::measure::{Measured, QUEUED, Samples, WALKS};
 use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary, ratios};
+use rt_report::Provenance;
 use rt_report::table::{Table, grouped, percent, seconds};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -12,10 +13,7 @@ use std::fmt::Write;
 #[derive(Debug, Serialize)]
 pub(crate) struct Results {
     pub(crate) schema: u32,
-    pub(crate) version: &'static str,
-    /// The command line, program name left out.
-    pub(crate) command: Vec<String>,
-    pub(crate) seed: u32,
+    pub(crate) provenance: Provenance,
     pub(crate) repeat: u32,
     pub(crate) paper: Paper,
     /// One entry for each scene and device.

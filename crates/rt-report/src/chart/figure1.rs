@@ -8,8 +8,8 @@
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
-use crate::ReportError;
 use crate::output::write_atomically;
+use crate::{Provenance, ReportError};
 use std::path::Path;
 
 /// Everything the figure shows.
@@ -83,9 +83,9 @@ const FRONT: f64 = 0.5;
 ///
 /// # Errors
 /// When there is nothing to draw or a file cannot be written.
-pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<(), ReportError> {
+pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<(), ReportError> {
     let sheet = draw(figure)?;
-    let text = sheet.to_svg();
+    let text = provenance.in_svg(&sheet.to_svg());
     write_atomically(svg, |out| out.write_all(text.as_bytes()))?;
     sheet.write_png(png)
 }

@@ -8,11 +8,11 @@ use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rt_balance::clock;
 use rt_balance::stats::Summary;
 use rt_bvh::{Mesh, Stack, WideTree};
 use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
 use rt_scene::prepare::Prepared;
-use rt_verify::clock;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -73,7 +73,7 @@ pub(super) struct Row {
 type Tracers = [Box<dyn Tracer>; 2];
 
 pub(super) fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(scene)?;
+    let prepared = setting.lab.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
