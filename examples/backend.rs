@@ -10,6 +10,7 @@ use rt_balance::{
     RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
+use std::io::{Write, stdout};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -173,7 +174,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut hits = vec![Hit::MISS; rays.len()];
     let run = balancer.trace_rays(&rays, &mut hits)?;
     for device in &run.report.devices {
-        println!("{} ({}): {} rays", device.name, device.backend, device.rays);
+        writeln!(stdout(), "{} ({}): {} rays", device.name, device.backend, device.rays)?;
     }
     assert!(hits.iter().all(|hit| hit.t == 0.5 && hit.primitive == 0));
     Ok(())

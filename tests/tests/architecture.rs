@@ -171,6 +171,41 @@ fn no_crate_outgrows_the_others() {
     assert!(command < COMMAND_LINES, "the command has {command} lines");
 }
 
+/// The words of a line, code spans whole.
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    let mut is_code = false;
+    line.split(move |character| {
+        is_code ^= character == '`';
+        character == ' ' && !is_code
+    })
+}
+
+/// Lines of comments and pages are no wider than those of code, which rustfmt sees to. Tables and what is quoted as
+/// code cannot be broken; nor can a line that one address or code span fills.
+#[test]
+fn comments_and_pages_are_as_wide_as_code() {
+    let settings = read(&root().join("rustfmt.toml"));
+    let width = settings.lines().find_map(|line| line.strip_prefix("max_width = ")?.parse().ok());
+    let width: usize = width.expect("rustfmt.toml states the width");
+    let long = |line: &str| line.chars().count() > width && words(line).all(|word| word.chars().count() < width / 2);
+    let mut wide = Vec::new();
+    for file in files(root(), &[".md", ".rs", ".wgsl"]) {
+        let is_page = file.extension().is_some_and(|extension| extension == "md");
+        let mut is_quoted = false;
+        for (number, line) in (1..).zip(read(&file).lines()) {
+            let comment = line.trim_start().strip_prefix("//");
+            let text = comment.unwrap_or(line).trim_start_matches(['/', '!']).trim_start();
+            if is_page && text.starts_with("```") {
+                is_quoted = !is_quoted;
+            }
+            if (is_page || comment.is_some()) && !is_quoted && !text.starts_with('|') && long(line) {
+                wide.push(format!("{}:{number}", file.strip_prefix(root()).unwrap_or(&file).display()));
+            }
+        }
+    }
+    assert!(wide.is_empty(), "wider than {width}: {wide:#?}");
+}
+
 /// Whoever builds on a crate can match its errors. Fails when a public crate is given errors without a type, or uses a
 /// package that is not public.
 #[test]
@@ -198,4 +233,29 @@ fn the_vulkan_backend_links_no_wgpu() {
     assert!(has("backend-vulkan", "ash") && !has("backend-vulkan", "wgpu") && !has("backend-vulkan", "naga"));
     // The question can be answered with yes.
     assert!(has("backend-wgpu", "wgpu"));
+}
+
+/// Every source file below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).expect("a folder of sources").map(|entry| entry.expect("readable").path());
+    let of = |path: PathBuf| if path.is_dir() { sources(&path) } else { vec![path] };
+    entries.flat_map(of).filter(|path| path.extension().is_some_and(|kind| kind == "rs")).collect()
+}
+
+/// What measures chooses estimators, policies and queues from the catalogue, and reads the driver's clock. Fails when
+/// an experiment makes one by itself: that is how second lists begin.
+#[test]
+fn measuring_code_has_no_list_of_its_own() {
+    for file in ["crates/rt-lab/src", "crates/rt-cli/src", "xtask/src"].iter().flat_map(|f| sources(&root().join(f))) {
+        let text = fs::read_to_string(&file).expect("a source file");
+        for line in text.lines() {
+            for module in ["estimate", "policy", "queue"] {
+                let named = line.split_once(&format!("rt_sched::{module}::")).map(|(_, name)| name);
+                // Functions are free: what is estimated may be judged by whatever is there.
+                let is_free = named.is_none_or(|name| name.starts_with(|c: char| c.is_ascii_lowercase()));
+                assert!(is_free, "{}: `{line}`: choose it from rt_balance::catalogue", file.display());
+            }
+            assert!(!line.contains("rt_verify::clock"), "{}: `{line}`: there is rt_balance::clock", file.display());
+        }
+    }
 }

@@ -15,6 +15,7 @@ use rt_bvh::Builder;
 use rt_conformance::is_required;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
 use rt_gpu::Layouts;
+use rt_report::print::note;
 use rt_scene::{Model, builtin};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::{Tally, judge};
@@ -172,8 +173,8 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
     });
     let tallies = tallies.into_inner();
     for (device, tally) in embree.iter().zip(&tallies) {
-        println!("random meshes: {}: {tally}", device.info().name);
-        println!("    {}", tally.first.as_deref().unwrap_or_default());
+        note(format_args!("random meshes: {}: {tally}", device.info().name));
+        note(format_args!("    {}", tally.first.as_deref().unwrap_or_default()));
     }
     let bad = |tally: &&Tally| tally.errors() as f64 > ERRORS_AIMED * tally.rays as f64;
     match outcome {
@@ -200,7 +201,7 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
     let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 2);
     let scene = tree::build(&triangles, Builder::Sah)?;
     let ambiguity = exam.ambiguity();
-    println!("{name}: {ambiguity:?}");
+    note(format_args!("{name}: {ambiguity:?}"));
     if !ambiguity.is_admissible(name) {
         return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
     }
@@ -232,8 +233,8 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
                 all.merge(tally);
             }
-            println!("    {name}, {query:?}: {all}");
-            println!("    {}", all.first.as_deref().unwrap_or_default());
+            note(format_args!("    {name}, {query:?}: {all}"));
+            note(format_args!("    {}", all.first.as_deref().unwrap_or_default()));
             if random.errors() as f64 > ERRORS * random.rays as f64 {
                 return Err(format!("{name}: {random}: it is not asked what the others are").into());
             }

@@ -14,6 +14,7 @@ use rt_core::{
     Device, Hit, Launch, Precision, Query, Ray, RaySource, ReducedWalk, StreamSpec, TestCounts, Tracer, Triangle, Walk,
     random, tasks_of,
 };
+use rt_report::print::note;
 use rt_scene::builtin;
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -192,7 +193,7 @@ fn closed_meshes_do_not_leak() -> Result<(), Failed> {
             leaks += launch.hits.iter().filter(|hit| !hit.is_hit()).count();
         }
     }
-    println!("{leaks} leaks in {traced} rays");
+    note(format_args!("{leaks} leaks in {traced} rays"));
     if leaks == 0 { Ok(()) } else { Err(format!("{leaks} of {traced} rays leak out of a closed mesh").into()) }
 }
 

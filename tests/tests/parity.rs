@@ -5,6 +5,7 @@
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::{Builder, WideTree};
 use rt_core::{Precision, Query};
+use rt_report::print::note;
 use rt_scene::{Model, builtin};
 use rt_tests::parity::Exam;
 use rt_tests::scenes;
@@ -41,7 +42,7 @@ fn examine(name: &str, model: &Model, rays: u32) -> Result<(), Failed> {
     let camera = model.view.map(|view| view.camera()).transpose()?;
     let exam = Exam::new(&triangles, camera.as_ref(), rays, 1);
     let ambiguity = exam.ambiguity();
-    println!("{}: {rays} rays; left out: {ambiguity:?}", model.source);
+    note(format_args!("{}: {rays} rays; left out: {ambiguity:?}", model.source));
     if !ambiguity.is_admissible(name) {
         return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
     }

@@ -1,6 +1,7 @@
 //! What earlier versions of `cargo xtask setup` left below the home folder: manifests of the software driver, by which
 //! the Vulkan loader found it for every program of the user.
 
+use crate::command::say;
 use anyhow::{Context, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ pub(crate) fn undo() -> Result<()> {
     let found = found();
     for manifest in &found {
         fs::remove_file(manifest).with_context(|| format!("cannot remove `{}`", manifest.display()))?;
-        println!("setup: removed {}", manifest.display());
+        say(format_args!("setup: removed {}", manifest.display()));
     }
     for data in data_folders() {
         // What is not empty belongs to others, and stays.
@@ -29,7 +30,7 @@ pub(crate) fn undo() -> Result<()> {
         }
     }
     if found.is_empty() {
-        println!("setup: nothing is registered for this user");
+        say("setup: nothing is registered for this user");
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `cargo xtask setup`: what the tests need from outside this repository.
 
-use crate::command::{cargo, succeeds};
+use crate::command::{cargo, say, succeeds};
 use crate::deny::{self, Availability};
 use crate::workspace::Packages;
 use crate::{apt, embree, registered, vulkan};
@@ -153,20 +153,20 @@ pub(crate) fn setup() -> Result<Setup> {
     for part in PARTS {
         let name = part.name;
         match (part.state)(&context).with_context(|| format!("looking for {name}"))? {
-            State::Present => println!("setup: {name}: present"),
-            State::NotNeeded(reason) => println!("setup: {name}: not needed ({reason})"),
+            State::Present => say(format_args!("setup: {name}: present")),
+            State::NotNeeded(reason) => say(format_args!("setup: {name}: not needed ({reason})")),
             State::Missing => {
                 let done = (part.install)(&context).with_context(|| format!("setting up {name}"))?;
-                println!("setup: {name}: {done}");
+                say(format_args!("setup: {name}: {done}"));
             }
         }
     }
     if let Some(manifest) = registered::found().first() {
-        println!(
+        say(format_args!(
             "setup: an earlier version registered its Vulkan driver for this user ({}, …), which is no longer needed: \
              `cargo xtask setup --undo` removes that",
             manifest.display()
-        );
+        ));
     }
     let software_vulkan = context.no_vulkan().is_none();
     let mut provided = vec!["cpu"];

@@ -50,5 +50,5 @@ pub use options::Options;
 pub use options::Replacement;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};
+pub use rt_gpu::{BadVariable, Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};
 pub use rt_shaders::{FloatControls, Purpose};

@@ -1,6 +1,6 @@
 //! How devices are to be opened.
 
-use rt_gpu::{Faults, Layouts};
+use rt_gpu::{BadVariable, Faults, Layouts};
 #[cfg(feature = "test-support")]
 use rt_shaders::Kernel;
 
@@ -27,10 +27,11 @@ pub struct Options {
 
 impl Options {
     /// Validation if the environment variable `RAYBALANCE_VULKAN_VALIDATION` is `1`.
-    #[must_use]
-    pub fn from_env() -> Self {
-        let validation = std::env::var_os("RAYBALANCE_VULKAN_VALIDATION").is_some_and(|value| value == "1");
-        Self { validation, ..Self::default() }
+    ///
+    /// # Errors
+    /// When the variable is neither `1` nor `0` nor empty.
+    pub fn from_env() -> Result<Self, BadVariable> {
+        Ok(Self { validation: rt_gpu::switch("RAYBALANCE_VULKAN_VALIDATION")?, ..Self::default() })
     }
 
     pub(crate) fn faults(&self) -> Faults {

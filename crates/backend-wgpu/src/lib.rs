@@ -37,4 +37,4 @@ pub use error::OpenError;
 pub use options::Options;
 #[cfg(feature = "test-support")]
 pub use rt_gpu::FaultInjection;
-pub use rt_gpu::{Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};
+pub use rt_gpu::{BadVariable, Card, GpuDevice, Layout, Layouts, Profile, RayCounters, Tuning};

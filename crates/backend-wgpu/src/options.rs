@@ -1,6 +1,6 @@
 //! How devices are to be opened.
 
-use rt_gpu::{Faults, Layouts};
+use rt_gpu::{BadVariable, Faults, Layouts};
 #[cfg(feature = "test-support")]
 use rt_shaders::Kernel;
 
@@ -24,10 +24,11 @@ pub struct Options {
 
 impl Options {
     /// Trusted kernels if the environment variable `RAYBALANCE_WGPU_TRUSTED` is `1`.
-    #[must_use]
-    pub fn from_env() -> Self {
-        let trusted = std::env::var_os("RAYBALANCE_WGPU_TRUSTED").is_some_and(|value| value == "1");
-        Self { trusted, ..Self::default() }
+    ///
+    /// # Errors
+    /// When the variable is neither `1` nor `0` nor empty.
+    pub fn from_env() -> Result<Self, BadVariable> {
+        Ok(Self { trusted: rt_gpu::switch("RAYBALANCE_WGPU_TRUSTED")?, ..Self::default() })
     }
 
     pub(crate) fn faults(&self) -> Faults {

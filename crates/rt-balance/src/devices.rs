@@ -14,7 +14,7 @@ use std::sync::Arc;
 mod cards;
 
 #[cfg(feature = "gpu")]
-pub use cards::{Api, CardOptions, Found, first_software_entry};
+pub use cards::{Api, CardOptions, Found, check_environment, first_software_entry};
 
 /// The list that stands for whatever this machine has.
 pub const AUTO: &str = "auto";

@@ -46,7 +46,7 @@ fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'
     scene::check(scenes)?;
     let show = Terminal { bar: progress::bar("", WHOLE as u64) };
     let scenes = |scene: &Path| -> Result<Prepared> { source.prepare(scene) };
-    experiment(Lab { scenes: &scenes, stop: interrupt::flag(), show: &show })
+    experiment(Lab::new(&scenes, interrupt::flag(), &show))
 }
 
 pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {

@@ -4,9 +4,9 @@
 //! kernels, a driver, a full pipe. So what has not ended when [`PATIENCE`] is over is ended from outside, and what it
 //! was writing is removed. A second signal has no patience.
 
-use crate::exit::Exit;
 use anyhow::{Result, bail};
 use rt_balance::Control;
+use rt_report::exit::Exit;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::Duration;
 

@@ -7,8 +7,9 @@ use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
+use rt_report::Provenance;
+use rt_report::npy;
 use rt_report::print::Stdout;
-use rt_report::{command_words, npy};
 use rt_scene::npy::RayFile;
 use std::io::Write;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     outputs.check()?;
     let rays = RayFile::open(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
+    outputs.spare_materials(&prepared.libraries)?;
     let rays = rays.read(prepared.model.offset)?;
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.device.open(args.balance.devices.as_deref())?;
@@ -64,8 +66,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            version: env!("CARGO_PKG_VERSION"),
-            command: command_words(),
+            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: render::scene_report(&prepared, &scene),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),

@@ -26,6 +26,7 @@ pub mod arithmetic;
 pub mod bounce;
 pub mod camera;
 mod card;
+mod environment;
 mod faults;
 mod gpu_api;
 mod image;
@@ -42,6 +43,7 @@ mod trials;
 mod tuning;
 
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
+pub use environment::{BadVariable, switch};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;
 pub use faults::Faults;

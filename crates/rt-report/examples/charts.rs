@@ -1,9 +1,13 @@
-//! Writes every kind of chart and picture from made-up data, to look at them: `cargo run -p rt-report --example charts`.
+//! Writes every kind of chart and picture from made-up data, to look at them:
+//! `cargo run -p rt-report --example charts`.
 
 use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
 use rt_core::{StreamKind, Task};
+use rt_report::Provenance;
 use rt_report::chart::{cost, timeline, trace};
+use rt_report::print::Stdout;
+use std::io::Write;
 use std::path::Path;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,13 +19,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         with_lost_device(stream(StreamKind::Diffuse(0), 0.95, &[1.0, 2.0, 4.0], 40)),
         stream(StreamKind::Diffuse(1), 1.5, &[1.0; 64], 6),
     ];
-    timeline::write_svg(&folder.join("timeline.svg"), &runs)?;
-    trace::write_json(&folder.join("trace.json"), &runs)?;
+    let provenance = Provenance::now(None, ["virtual"]);
+    timeline::write_svg(&folder.join("timeline.svg"), &runs, &provenance)?;
+    trace::write_json(&folder.join("trace.json"), &runs, &provenance)?;
     costs(&folder.join("cost-tasks.png"), 640, 400, 64)?;
     costs(&folder.join("cost-large.png"), 1920, 1080, 8)?;
     costs(&folder.join("cost-small.png"), 64, 96, 16)?;
     spheres(&folder.join("image.png"))?;
-    println!("written to {}", folder.display());
+    writeln!(Stdout, "written to {}", folder.display())?;
     Ok(())
 }
 

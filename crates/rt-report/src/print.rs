@@ -1,6 +1,7 @@
 //! Standard output and standard error, which may be closed or full like any other file.
 //!
-//! The macros of the standard library panic then.
+//! The macros of the standard library panic then, so lints forbid them outside tests: every program prints through this
+//! module and ends by [`exit`](crate::exit).
 
 use std::error::Error;
 use std::fmt::{self, Display};
@@ -33,8 +34,7 @@ impl StdoutError {
     /// The failure of standard output that is behind an error, if one is.
     #[must_use]
     pub fn of<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a Self> {
-        let mut causes = std::iter::successors(Some(error), |&cause| cause.source());
-        causes.find_map(|cause| cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref())
+        causes(error).find_map(|cause| cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref())
     }
 
     /// Whether whoever read it has gone, as `head` does: nothing that people need to be told.
@@ -54,6 +54,11 @@ impl Error for StdoutError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         Some(&self.0)
     }
+}
+
+/// An error, and what is behind it.
+pub(crate) fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |&cause| cause.source())
 }
 
 /// Prints a line for people on standard error. Where nobody can read it, it is lost.

@@ -1,5 +1,6 @@
 //! The error that means wrong usage: what was asked for can be done on no machine, or cannot be written.
 
+use crate::print::causes;
 use std::error::Error;
 use std::fmt;
 
@@ -38,8 +39,7 @@ impl<T, E: Error + 'static> OrUsage<T> for Result<T, E> {
 
 /// An error and its causes on one line.
 pub(crate) fn chain(error: &(dyn Error + 'static)) -> String {
-    let causes = std::iter::successors(Some(error), |&error| error.source());
-    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+    causes(error).map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use rt_bvh::Builder;
 use rt_core::{Ray, Scene};
+use rt_report::print::note;
 use rt_shaders::{Kernel, Purpose};
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::{shapes, tree};
@@ -133,7 +134,7 @@ fn breaks(found: &Found, replace: Replace) -> Result<(), Failed> {
     let device = open(found, replace)?;
     for Mesh { scene, rays } in meshes()? {
         if let Err(difference) = hits::compare_rays(&device, &scene, &rays) {
-            println!("as it should: {}", difference.message().unwrap_or_default());
+            note(format_args!("as it should: {}", difference.message().unwrap_or_default()));
             return Ok(());
         }
     }

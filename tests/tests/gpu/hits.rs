@@ -8,6 +8,7 @@ use rt_core::{
     Device, Hit, Launch, Query, Ray, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Tracer, Triangle, Walk,
     random, tasks_of,
 };
+use rt_report::print::note;
 use rt_scene::Model;
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -128,7 +129,7 @@ pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result
             traced += rays.len();
         }
     }
-    println!("{leaks} leaks in {traced} rays");
+    note(format_args!("{leaks} leaks in {traced} rays"));
     if leaks == 0 { Ok(()) } else { Err(format!("{leaks} of {traced} rays leak out of a closed mesh").into()) }
 }
 
@@ -161,7 +162,7 @@ pub(crate) fn few_random_rays_are_left_to_the_host(found: &Found) -> Result<(), 
         let before = device.counters().on_host();
         trace(&*device, &scene, &rays, StreamSpec::default())?;
         let share = (device.counters().on_host() - before) as f64 / rays.len() as f64;
-        println!("{name}: {share:.5} of the rays on the host");
+        note(format_args!("{name}: {share:.5} of the rays on the host"));
         if share > ON_HOST {
             return Err(format!("{name}: the host had to trace {share:.4} of the rays").into());
         }

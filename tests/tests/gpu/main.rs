@@ -20,6 +20,7 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_conformance::{Subject, trials};
 use rt_core::Device;
 use rt_gpu::{FaultInjection, GpuDevice, Tuning};
+use rt_report::print::note;
 use rt_scene::builtin;
 use rt_tests::scenes;
 use std::fmt::Display;
@@ -182,7 +183,7 @@ fn find(backend: Backend) -> (Vec<Found>, Vec<Subject>) {
                 let name = name.split_whitespace().next().unwrap_or("device");
                 let label = format!("{}/{name}/{}", backend.name(), devices.len());
                 let card = device.card();
-                println!("{label}: {} ({}; kernels: {})", card.name, card.driver, card.kernels);
+                note(format_args!("{label}: {} ({}; kernels: {})", card.name, card.driver, card.kernels));
                 devices.push(Found { backend, position, label, device });
             }
             Err(reason) => reasons.push(reason),
@@ -191,6 +192,6 @@ fn find(backend: Backend) -> (Vec<Found>, Vec<Subject>) {
     if devices.is_empty() {
         return missing(reasons.join("; "));
     }
-    reasons.iter().for_each(|reason| println!("{}: {reason}", backend.name()));
+    reasons.iter().for_each(|reason| note(format_args!("{}: {reason}", backend.name())));
     (devices, Vec::new())
 }

@@ -7,6 +7,7 @@ use libtest_mimic::Failed;
 use rt_core::bounce::{Departure, Surfaces};
 use rt_core::{BounceRays, Query, Ray, RaySource, StreamSpec, tasks_of};
 use rt_gpu::{GpuDevice, Tuning, bounce};
+use rt_report::print::note;
 use rt_scene::streams::{Paths, Sun, Wave};
 use rt_shaders::{Kernel, Purpose};
 use rt_verify::clock;
@@ -59,7 +60,7 @@ pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
             let count = made.len();
             let found = launch(&mut *tracer, &tasks_of(count, 611), None)?;
             let sent = tracer.traffic().uploaded;
-            println!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count));
+            note(format_args!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count)));
             if device.card().software && (device.counters().made() != u64::from(count) || sent > 17 * u64::from(count))
             {
                 return Err(format!("{} of {count} rays made, {sent} bytes sent", device.counters().made()).into());
@@ -88,7 +89,7 @@ pub(crate) fn are_the_hosts_to_the_bit((_, open): Backend) -> Result<(), Failed>
     match device.fault_of_bounces(&trials)? {
         Some(fault) if device.card().software => Err(fault.into()),
         fault => {
-            println!("{} trials: {fault:?}", trials.len());
+            note(format_args!("{} trials: {fault:?}", trials.len()));
             Ok(())
         }
     }

@@ -15,6 +15,7 @@ use rt_core::{
     Walk, morton, random, tasks_of,
 };
 use rt_gpu::{GpuDevice, Tuning};
+use rt_report::print::note;
 use rt_scene::{View, builtin};
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -177,7 +178,7 @@ fn camera_rays_are_made_there((_, open): Backend) -> Result<(), Failed> {
             return Err("the camera looks past the scene".into());
         }
         let share = (device.counters().on_host() - before) as f64 / f64::from(rays.len());
-        println!("{size:?}, {samples} samples: {share:.5} of the rays on the host");
+        note(format_args!("{size:?}, {samples} samples: {share:.5} of the rays on the host"));
         // A column and a row of an odd image run along an axis of the camera, not of the scene.
         if share > 0.01 {
             return Err(format!("the host had to trace {share:.4} of the rays").into());

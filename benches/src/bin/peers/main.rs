@@ -20,11 +20,14 @@ use rt_balance::stats::Summary;
 use rt_benches::{NamedStream, options};
 use rt_bvh::Builder;
 use rt_core::{Query, Ray, RaySource};
-use rt_report::Machine;
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_scene::npy::RayFile;
 use rt_scene::prepare::Prepared;
 use std::error::Error;
+use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
 
 struct Options {
@@ -35,15 +38,18 @@ struct Options {
     rays: Option<PathBuf>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run_all)
+}
+
+fn run_all() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("* command: `peers {}`", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!("* machine: {}", Machine::this());
-    println!("* load of the machine at the start and the end: {}", load());
+    write!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
+    writeln!(Stdout, "* load of the machine at the start and the end: {}", load())?;
     for name in &options.scenes {
         bench(name, &options)?;
     }
-    println!("\nLoad at the end: {}", load());
+    writeln!(Stdout, "\nLoad at the end: {}", load())?;
     Ok(())
 }
 
@@ -55,17 +61,18 @@ fn load() -> String {
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let prepared = rt_benches::open(name, options.builder)?;
     let (model, scene) = (&prepared.model, &prepared.built.scene);
-    println!(
+    writeln!(
+        Stdout,
         "\n## {}\n\n{} triangles, tree {} in {:.2} s",
         prepared.name,
         scene.triangles().len(),
         options.builder,
         prepared.build_s
-    );
+    )?;
     let (mut contenders, missing) = contender::all(model, scene)?;
-    missing.iter().for_each(|reason| println!("\nLeft out: {reason}"));
-    println!("\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |");
-    println!("|---|---|---|---|---|---|---|");
+    missing.iter().try_for_each(|reason| writeln!(Stdout, "\nLeft out: {reason}"))?;
+    writeln!(Stdout, "\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |")?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|")?;
     for (kind, source, query) in streams(&prepared, options)? {
         compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.runs)?;
     }
@@ -122,14 +129,15 @@ fn compare(
             format!("{:.2} [{:.2}, {:.2}]", ratio.median, ratio.low, ratio.high)
         });
         let per_million = |count: usize| count as f64 / rays.len() as f64 * 1e6;
-        println!(
+        writeln!(
+            Stdout,
             "| {kind} | {} | {:.2} | {:.2} | {ratio} | {:.1} | {:.1} |",
             contender.name,
             speed(middle(i)),
             speed(least),
             per_million(found[i].missed),
             per_million(found[i].phantom),
-        );
+        )?;
     }
     Ok(())
 }

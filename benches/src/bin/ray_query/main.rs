@@ -13,13 +13,17 @@ mod peer;
 
 use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
 use peer::Peer;
+use rt_balance::clock;
 use rt_balance::stats::{Summary, median};
 use rt_benches::options;
 use rt_bvh::Builder;
 use rt_core::{Device, Hit, Launch, Query, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_scene::prepare::Prepared;
-use rt_verify::clock;
 use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -33,26 +37,32 @@ struct Options {
     size: [u32; 2],
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    let device = VulkanDevice::enumerate(Open::from_env())?;
+    let device = VulkanDevice::enumerate(Open::from_env()?)?;
     let device = device.into_iter().nth(options.device).ok_or("there is no such device")??;
     let peer = Peer::open(options.device)?;
-    println!("ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name);
+    writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone(), peer.name.clone()]))?;
+    writeln!(Stdout, "ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name)?;
     if device.card().model != peer.model {
         return Err("the two lists of devices differ: choose a --device that is the same card in both".into());
     }
-    println!(
+    writeln!(
+        Stdout,
         "Mray/s of the time in kernels, medians of {} interleaved runs; ours over the peer's pair by pair with its 95% \
          interval; rays per million with other answers (for any-hit rays: hit or not). Seconds to build the peer's \
          tree: on the device, upload included.\n",
         options.runs
-    );
-    println!(
+    )?;
+    writeln!(
+        Stdout,
         "| scene | rays | ours Mray/s | peer Mray/s | ours / peer | other answers ppm | ours built s | peer built s |"
-    );
-    println!("|---|---|---|---|---|---|---|---|");
+    )?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|---|")?;
     for name in &options.scenes {
         let prepared = rt_benches::open(name, Builder::default())?;
         compare(&prepared, (&device, &peer), &options)?;
@@ -87,7 +97,8 @@ fn compare(
         }
         let speed = |times: &[f64]| f64::from(source.len()) / median(times) / 1e6;
         let Summary { median: ratio, low, high, .. } = Summary::of_ratios(&times[1], &times[0]);
-        println!(
+        writeln!(
+            Stdout,
             "| {} | {kind} | {:.2} | {:.2} | {:.2} ({low:.2} – {high:.2}) | {:.1} | {ours_s:.2} | {:.2} |",
             prepared.name,
             speed(&times[0]),
@@ -95,7 +106,7 @@ fn compare(
             ratio,
             differing as f64 / f64::from(source.len().max(1)) * 1e6,
             tree.built_s,
-        );
+        )?;
     }
     Ok(())
 }

@@ -2,8 +2,6 @@
 //!
 //! Plain loops over lanes, which compilers turn into whatever SIMD words the function's target has.
 
-#![expect(clippy::needless_range_loop, reason = "a lane is an index into several arrays at once")]
-
 /// Rays in a packet: two words of AVX, four of SSE or NEON.
 pub(super) const LANES: usize = 16;
 

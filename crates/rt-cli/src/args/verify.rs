@@ -2,10 +2,10 @@
 
 use super::PrecisionArg;
 use super::parse::parse_devices;
-use crate::exit::Exit;
 use clap::Args;
 use rt_bvh::Builder;
 use rt_lab::DEFAULT_BUILDER;
+use rt_report::exit::Exit;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]

@@ -10,7 +10,7 @@ use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::cpu::Isa;
 use rt_balance::devices::{CardOptions, Opened, Opener};
-use rt_report::command_words;
+use rt_report::Provenance;
 use rt_report::output::{self, Outputs};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ const QUICK_RAYS: u32 = 1 << 14;
 const QUICK_REPEAT: u32 = 3;
 
 /// The version of the JSON's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -63,17 +63,15 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         [] => DEFAULT_SCENES.map(PathBuf::from).to_vec(),
         named => named.to_vec(),
     };
-    if let Some(path) = &options.out {
-        Outputs::new().file("--out", path).scenes(&scenes).check()?;
-    }
+    let outputs = options.out.iter().fold(Outputs::new(), |outputs, path| outputs.file("--out", path)).scenes(&scenes);
+    outputs.check()?;
+    let lab = lab.writing(&outputs);
     let devices =
         Opener::with_cards(options.cards).with_isa(options.isa).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
-        seed: options.seed,
+        provenance: Provenance::now(options.seed, devices.iter().map(|opened| opened.device.info().name.clone())),
         repeat,
         paper: PAPER,
         results: Vec::new(),
@@ -82,7 +80,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         lab.show.print(results::introduction(repeat).trim_end())?;
     }
     for name in &scenes {
-        let prepared = (lab.scenes)(name)?;
+        let prepared = lab.prepare(name)?;
         let scene = BenchScene::new(&prepared);
         let described = SceneResult {
             source: prepared.model.source.clone(),

@@ -3,6 +3,7 @@
 use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
+use crate::contenders::uninformed;
 use crate::subject::{Subject, trace};
 use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
@@ -13,7 +14,6 @@ use rt_core::Hit;
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
 use rt_report::table::{Table, seconds};
-use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -56,7 +56,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
         let chart = chart(&measured);
         let Some(name) = measured.first().map(|row| row.scene.clone()) else { continue };
         let svg = front::to_svg(&chart)?;
-        setting.write(&format!("build-{}.svg", file_part(&name)), &svg)?;
+        setting.write_svg(&format!("build-{}.svg", file_part(&name)), &svg)?;
         page.chart(
             &svg,
             "Build time against million rays per second, one point for each builder",
@@ -66,7 +66,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     }
     let table = table(&rows);
     page.table("Builders: medians, intervals in brackets", &table);
-    setting.write("build.md", &table.to_markdown())?;
+    setting.write_markdown("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
     setting.write_json("build.json", &rows)?;
     Ok(setting.time.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
@@ -128,8 +128,7 @@ fn speed(lab: Lab<'_>, balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<
     if stream.source.is_empty() {
         return Ok(f64::NAN);
     }
-    let mut plain =
-        Scheduling { estimator: Box::new(Uniform), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
+    let mut plain = Scheduling { estimator: uninformed(), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = trace(lab, balancer, stream, &mut plain, hits)?;
     Ok(f64::from(run.report.rays) / run.report.makespan_s / 1e6)
 }

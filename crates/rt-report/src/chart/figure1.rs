@@ -1,15 +1,16 @@
 //! The paper's Figure 1: tracing time against task size, cost-initialised queues over regular ones.
 //!
-//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013), whose
-//! figure draws coloured bars over background bars without saying which is which in so many words. Here the background
-//! is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen whichever is
-//! longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn twice.
+//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013),
+//! whose figure draws coloured bars over background bars without saying which is which in so many words. Here the
+//! background is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen
+//! whichever is longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn
+//! twice.
 
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
-use crate::ReportError;
 use crate::output::write_atomically;
+use crate::{Provenance, ReportError};
 use std::path::Path;
 
 /// Everything the figure shows.
@@ -83,9 +84,9 @@ const FRONT: f64 = 0.5;
 ///
 /// # Errors
 /// When there is nothing to draw or a file cannot be written.
-pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<(), ReportError> {
+pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<(), ReportError> {
     let sheet = draw(figure)?;
-    let text = sheet.to_svg();
+    let text = provenance.in_svg(&sheet.to_svg());
     write_atomically(svg, |out| out.write_all(text.as_bytes()))?;
     sheet.write_png(png)
 }

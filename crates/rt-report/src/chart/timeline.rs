@@ -4,9 +4,9 @@ use super::bars::{self, Bar};
 use super::canvas::Rgb;
 use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, Look, ORANGE, PALE, SKY, Sheet, VERMILION};
-use crate::ReportError;
 use crate::output::write_atomically;
 use crate::table::longest;
+use crate::{Provenance, ReportError};
 use rt_balance::report::{ActivityKind, StreamRun};
 use std::path::Path;
 
@@ -41,8 +41,8 @@ const IDLE: Rgb = PALE;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<(), ReportError> {
-    let svg = draw(runs);
+pub fn write_svg(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
+    let svg = provenance.in_svg(&draw(runs));
     write_atomically(path, |out| out.write_all(svg.as_bytes()))
 }
 

@@ -72,8 +72,19 @@ impl Outputs {
         })
     }
 
-    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what killed
-    /// processes left of the same files.
+    /// Whether nothing is written over material files, which are known once a scene is read.
+    ///
+    /// # Errors
+    /// Of wrong usage; the message names the option and the file.
+    pub fn spare_materials<P: AsRef<Path>>(&self, files: impl IntoIterator<Item = P>) -> Result<(), Usage> {
+        let Self { files: outputs, folders, .. } = self.clone();
+        let only = Self { files: outputs, folders, inputs: Vec::new() };
+        let inputs = files.into_iter().fold(only, |outputs, file| outputs.input("the materials", file.as_ref()));
+        if inputs.inputs.is_empty() { Ok(()) } else { inputs.check() }
+    }
+
+    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what
+    /// killed processes left of the same files.
     ///
     /// # Errors
     /// Of wrong usage, when something cannot be written; the message names the option, the path and the reason.

@@ -310,12 +310,16 @@ fn unquoted(name: &str) -> &str {
     name.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(name)
 }
 
-/// Reads a material file named by an OBJ file in `folder`.
-pub(super) fn read_beside(folder: &Path, file: &str) -> io::Result<Vec<u8>> {
+/// Reads a material file named by an OBJ file in `folder`, and says which file that is.
+pub(super) fn read_beside(folder: &Path, file: &str) -> io::Result<(PathBuf, Vec<u8>)> {
     let exact = folder.join(file);
     let path = if exact.exists() { exact } else { similar(folder, file).unwrap_or(exact) };
     // Opening a pipe or a terminal would wait for ever.
-    if fs::metadata(&path)?.is_file() { fs::read(path) } else { Err(io::ErrorKind::InvalidInput.into()) }
+    if !fs::metadata(&path)?.is_file() {
+        return Err(io::ErrorKind::InvalidInput.into());
+    }
+    let bytes = fs::read(&path)?;
+    Ok((path, bytes))
 }
 
 /// A file that is meant by a name which leads nowhere: with the separators of Windows, in upper and lower case, or in

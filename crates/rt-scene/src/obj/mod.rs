@@ -34,9 +34,10 @@ use geometry::{Geometry, Noticed};
 use glam::DVec3;
 use place::Placed;
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What a loader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +74,8 @@ pub struct Loaded {
     pub warnings: Vec<String>,
     /// What was done with the file's numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read: of [`load_obj`] alone.
+    pub libraries: Vec<PathBuf>,
 }
 
 /// Loads the OBJ file at `path`, with the material files that it names where they can be read.
@@ -86,8 +89,14 @@ pub fn load_obj(path: &Path, options: &LoadOptions, watch: &mut Watch<'_>) -> Re
     let name = path.display().to_string();
     let bytes = read_file(path, watch).map_err(|fault| fault.of(&name))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    load(bytes.into(), &name, options, &|file| material::read_beside(folder, file), watch)
-        .map_err(|fault| fault.of(&name))
+    let libraries = RefCell::new(Vec::new());
+    let read = |file: &str| {
+        let (path, bytes) = material::read_beside(folder, file)?;
+        libraries.borrow_mut().push(path);
+        Ok(bytes)
+    };
+    let loaded = load(bytes.into(), &name, options, &read, watch).map_err(|fault| fault.of(&name))?;
+    Ok(Loaded { libraries: libraries.into_inner(), ..loaded })
 }
 
 /// Loads an OBJ file that is already in memory.
@@ -137,6 +146,7 @@ fn load(
         moved: placed.moved,
         warnings,
         notes,
+        libraries: Vec::new(),
         model: Model {
             source: name.to_owned(),
             positions: placed.positions,

@@ -8,11 +8,11 @@ use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rt_balance::clock;
 use rt_balance::stats::Summary;
 use rt_bvh::{Mesh, Stack, WideTree};
 use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
 use rt_scene::prepare::Prepared;
-use rt_verify::clock;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -46,15 +46,15 @@ pub(super) struct Row {
     pub(super) layout: &'static str,
     /// Bytes of the layout's nodes, the triangles and their ids, for each triangle.
     pub(super) bytes_per_triangle: f64,
-    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which tests
-    /// are counted.
+    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which
+    /// tests are counted.
     pub(super) held_bytes_per_triangle: f64,
     /// Box tests of a ray on average; a two-wide node has two, an eight-wide one eight, whatever is in its slots.
     pub(super) box_tests: f64,
     /// Triangle tests of a ray.
     pub(super) triangle_tests: f64,
-    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits over one of
-    /// the trees only.
+    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits
+    /// over one of the trees only.
     pub(super) differing: usize,
     /// Million rays per second in kernels.
     pub(super) mray_s: Summary,
@@ -73,7 +73,7 @@ pub(super) struct Row {
 type Tracers = [Box<dyn Tracer>; 2];
 
 pub(super) fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(scene)?;
+    let prepared = setting.lab.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -165,7 +165,8 @@ fn trace(
     Ok(())
 }
 
-/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the layout.
+/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the
+/// layout.
 fn differing(query: Query, [two, wide]: &[Vec<Hit>; 2]) -> usize {
     let bits = |hit: &Hit| match query {
         Query::Closest => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive],

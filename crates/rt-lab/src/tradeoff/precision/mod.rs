@@ -6,17 +6,17 @@ use super::streams::{Kind, STREAMS, launch, reference, streams};
 use crate::time_budget::TimeBudget;
 use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
-use rt_balance::devices::{Opened, Opener};
+use rt_balance::clock;
+use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
+use rt_report::Provenance;
 use rt_report::chart::precision::{self as chart, Front, Point};
-use rt_report::command_words;
 use rt_report::html::Page;
 use rt_report::output;
 use rt_report::table::percent;
 use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
-use rt_verify::clock;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,15 +33,13 @@ const ONE_KERNEL: &str = "graphics cards have one kernel, that of robust. It ans
     in time by chance alone; the precision asked for decides only how the host settles the rays that are left in doubt.";
 
 /// Version of the report's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What is written to `precision.json`; `docs/verify.md` describes it.
 #[derive(Debug, Serialize)]
 struct Report {
     schema: u32,
-    version: &'static str,
-    command: Vec<String>,
-    seed: u32,
+    provenance: Provenance,
     runs: u32,
     size: [u32; 2],
     builder: &'static str,
@@ -83,7 +81,7 @@ pub(super) fn passes(_: &super::Options) -> f64 {
 pub struct Options {
     /// Built-in scenes or OBJ files; none: [`DEFAULT_SCENES`].
     pub scenes: Vec<PathBuf>,
-    /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
+    /// Devices, one after the other, as [`Opener::open_in_turn`](rt_balance::devices::Opener::open_in_turn) reads them.
     pub devices: String,
     /// Fewer rays and runs: a look, not a measurement.
     pub quick: bool,
@@ -121,36 +119,46 @@ impl Options {
     }
 }
 
+/// Where the results come from.
+pub(super) fn provenance(args: &Options, devices: &[Opened]) -> Provenance {
+    let name = |opened: &Opened| format!("{}: {}", opened.entry, opened.device.info().name);
+    Provenance::now(args.seed, devices.iter().map(name))
+}
+
 /// Measures and adds a section to the page.
-pub(super) fn run(lab: Lab<'_>, args: &Options, time: &TimeBudget<'_>, page: &mut Page) -> Result<()> {
+pub(super) fn run(
+    lab: Lab<'_>,
+    args: &Options,
+    devices: &[Opened],
+    time: &TimeBudget<'_>,
+    page: &mut Page,
+) -> Result<()> {
     time.label("precision");
     let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
-    let devices = Opener::new().open_in_turn(&args.devices).context("--devices")?;
     let (size, runs, sample) = args.effort();
     let (mut rows, mut builder) = (Vec::new(), "");
     for (index, name) in names.iter().enumerate() {
         let time = time.equal_part(names.len(), index);
-        let bench = Bench { lab, prepared: (lab.scenes)(name)?, size, runs, sample, seed: args.seed, time };
-        bench.measure(&devices, &mut rows)?;
+        let bench = Bench { lab, prepared: lab.prepare(name)?, size, runs, sample, seed: args.seed, time };
+        bench.measure(devices, &mut rows)?;
         builder = bench.prepared.options.builder.name();
     }
 
-    let report = Report {
-        schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
-        seed: args.seed,
-        runs,
-        size,
-        builder,
-        rows,
-    };
+    let report = Report { schema: SCHEMA, provenance: provenance(args, devices), runs, size, builder, rows };
     let json = args.out.join("precision.json");
     output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
-    output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
-    output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
+    output::write_atomically(&args.out.join("precision.csv"), |file| {
+        file.write_all(report.provenance.csv().as_bytes())?;
+        write::csv(file, &report.rows)
+    })?;
+    output::write_atomically(&args.out.join("precision.md"), |file| {
+        writeln!(file, "{}", report.provenance)?;
+        write::markdown(file, &report.rows)
+    })?;
     let svg = chart::to_svg(&fronts(&report));
-    output::write_atomically(&args.out.join("precision.svg"), |file| file.write_all(svg.as_bytes()))?;
+    output::write_atomically(&args.out.join("precision.svg"), |file| {
+        file.write_all(report.provenance.in_svg(&svg).as_bytes())
+    })?;
     page.section("Speed against wrong answers");
     page.chart(
         &svg,
@@ -158,7 +166,7 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, time: &TimeBudget<'_>, page: &mu
         "Wrong: misses, hits and triangles that are not those of double precision. Bars: intervals of the \
          medians, 95% bounds of wrong answers.",
     );
-    let notes = notes(&report.rows, &devices);
+    let notes = notes(&report.rows, devices);
     notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);

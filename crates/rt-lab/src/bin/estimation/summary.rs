@@ -1,6 +1,7 @@
-//! The benchmark's numbers, side by side for all scenes.
+//! The tables of docs/results/estimation.md: what was measured of all scenes, side by side.
 
-use anyhow::{Context, Result};
+use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
+use rt_balance::stats;
 use serde_json::Value;
 use std::fmt::Write as _;
 
@@ -79,11 +80,8 @@ fn number(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let at = |i: usize| values.get(i).copied().unwrap_or(f64::NAN);
-    let n = values.len();
-    if n % 2 == 1 { at(n / 2) } else { (at((n / 2).wrapping_sub(1)) + at(n / 2)) / 2.0 }
+fn median(values: Vec<f64>) -> f64 {
+    stats::median(&values)
 }
 
 fn percent(share: f64) -> String {
@@ -105,10 +103,24 @@ fn table(
     }
 }
 
-/// The tables of what the program `estimation` wrote.
-pub(super) fn tables(json: &str) -> Result<String> {
-    let file: Value = serde_json::from_str(json).context("errors.json")?;
-    let results: Vec<Measured<'_>> = file["results"].as_array().into_iter().flatten().map(Measured).collect();
+/// Every estimator of the tables, in the order of the catalogue.
+pub(super) fn published() -> Vec<String> {
+    let columns = || COUNTS.iter().chain(&TIME).chain(&OVERHEAD);
+    let of = |entry: &Entry<Make>| {
+        let mut own: Vec<String> = columns()
+            .filter(|column| column.split(' ').next() == Some(entry.name))
+            .map(|column| (*column).to_owned())
+            .collect();
+        own.sort();
+        own.dedup();
+        own
+    };
+    ESTIMATORS.iter().flat_map(of).collect()
+}
+
+/// The tables of what was measured, as [`json`](super::table::json) has it.
+pub(super) fn tables(results: &[Value]) -> String {
+    let results: Vec<Measured<'_>> = results.iter().map(Measured).collect();
     let mut text = String::new();
     table(&mut text, "Errors against counts: mean (95th percentile), %", &COUNTS, &results, |m| {
         let errors = |name: &&str| {
@@ -165,12 +177,23 @@ pub(super) fn tables(json: &str) -> Result<String> {
             chosen.to_owned(),
         ]
     });
-    Ok(text)
+    text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rt_balance::catalogue::Estimator;
+
+    /// Mutants: a column that nothing is measured for; one of the lists left out of what is measured.
+    #[test]
+    fn every_column_is_an_estimator_of_the_catalogue() {
+        let published = published();
+        for column in COUNTS.iter().chain(&TIME).chain(&OVERHEAD) {
+            assert!(column.parse::<Estimator>().is_ok_and(|known| known.label() == *column), "{column}");
+            assert!(published.iter().any(|name| name == column), "{column}");
+        }
+    }
 
     /// Mutants: columns exchanged, the greater of two middle values for a median.
     #[test]
@@ -185,12 +208,12 @@ mod tests {
         let case = |name: &&str| format!(r#"{{"estimator": "{name}", "repetitions": [{}, {}]}}"#, run(0.01), run(0.03));
         let cases: Vec<String> = OVERHEAD.iter().map(case).collect();
         let json = format!(
-            r#"{{"results": [{{"scene": "room", "kind": "primary", "rays": 1000, "repeatability": {{"mean": 0.1}},
+            r#"[{{"scene": "room", "kind": "primary", "rays": 1000, "repeatability": {{"mean": 0.1}},
                 "exact_counts_as_time": {{"mean": 0.2}}, "exact_counts_and_divergence_as_time": {{"mean": 0.15}},
-                "cases": [{}]}}]}}"#,
+                "cases": [{}]}}]"#,
             cases.join(",")
         );
-        let text = tables(&json).expect("valid");
+        let text = tables(&serde_json::from_str::<Vec<Value>>(&json).expect("valid"));
         let rows: Vec<&str> = text.lines().filter(|line| line.starts_with("| room | primary")).collect();
         assert_eq!(rows.len(), 5, "{text}");
         assert!(rows[0].starts_with("| room | primary | 3.0 (8.0) |"), "{}", rows[0]);

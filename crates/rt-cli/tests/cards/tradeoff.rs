@@ -1,14 +1,11 @@
 //! `raybalance tradeoff` where devices differ in what they can do: graphics cards have two layouts, one kernel and
 //! fewer walks.
-//!
-//! Without a Vulkan device the tests that need one are ignored, with the reason, unless `RT_REQUIRE` names `vulkan`.
 
-use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
+use super::Outcome;
+use libtest_mimic::Failed;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
-
-type Outcome = Result<(), Failed>;
 
 /// A cube, every side of two triangles: less than that has no shadows and nothing to bounce off.
 const CUBE: &str = "\
@@ -18,40 +15,6 @@ f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
 
 /// What every command here measures, short of the trade's name.
 const SMALL: [&str; 7] = ["cube.obj", "--quick", "--size", "32x24", "--runs", "2", "--devices"];
-
-fn main() {
-    let arguments = Arguments::from_args();
-    let trials = vec![
-        Trial::test("layout_says_what_to_do_without_a_card", layout_says_what_to_do),
-        on_vulkan("layout_is_measured_over_both", layout_is_measured),
-        on_vulkan("sampling_leaves_out_what_a_card_lacks", sampling_leaves_out),
-        on_vulkan("precision_says_that_there_is_one_kernel", precision_says_so),
-    ];
-    run(&arguments, trials).exit();
-}
-
-fn on_vulkan(name: &str, test: fn() -> Outcome) -> Trial {
-    Trial::ignorable_test(name, move || {
-        let Some(reason) = missing()? else { return test().map(|()| Completion::Completed) };
-        let required = std::env::var("RT_REQUIRE").unwrap_or_default();
-        if required.split(',').any(|entry| entry.trim() == "vulkan") {
-            return Err(format!("required by RT_REQUIRE, but missing: {reason}").into());
-        }
-        Ok(Completion::ignored_with(reason))
-    })
-}
-
-/// Why `vulkan:0` cannot be used, or nothing.
-fn missing() -> Result<Option<String>, Failed> {
-    let output = Command::new(env!("CARGO_BIN_EXE_raybalance")).args(["devices", "--json"]).output()?;
-    let devices: serde_json::Value = serde_json::from_slice(&output.stdout)?;
-    let first = devices.as_array().and_then(|all| all.iter().find(|device| device["device"] == "vulkan:0"));
-    Ok(match first.map(|device| device["refused"].as_str()) {
-        Some(None) => None,
-        Some(Some(refused)) => Some(format!("vulkan:0 cannot be used: {refused}")),
-        None => Some("there is no vulkan:0: `cargo xtask test` brings a software one".to_owned()),
-    })
-}
 
 /// Runs a trade of the cube on a device, in a folder of its own.
 fn trade(folder: &Path, name: &str, device: &str) -> Result<Output, Failed> {
@@ -72,7 +35,7 @@ fn contains(text: &str, part: &str) -> Outcome {
     if text.contains(part) { Ok(()) } else { Err(format!("`{part}` is missing in:\n{text}").into()) }
 }
 
-fn layout_says_what_to_do() -> Outcome {
+pub(crate) fn layout_says_what_to_do() -> Outcome {
     let folder = tempfile::tempdir()?;
     let output = trade(folder.path(), "layout", "cpu:1")?;
     let said = String::from_utf8_lossy(&output.stderr);
@@ -84,7 +47,7 @@ fn layout_says_what_to_do() -> Outcome {
 }
 
 /// Fails when both rows of a pair describe one layout, when rounds are dropped, or when hits differ.
-fn layout_is_measured() -> Outcome {
+pub(crate) fn layout_is_measured() -> Outcome {
     let folder = tempfile::tempdir()?;
     let said = succeeds(&trade(folder.path(), "layout", "vulkan:0")?)?;
     contains(&said, "eight-wide")?;
@@ -119,17 +82,17 @@ fn layout_is_measured() -> Outcome {
 }
 
 /// Fails when a walk that a card lacks ends the trade, or vanishes without a word.
-fn sampling_leaves_out() -> Outcome {
+pub(crate) fn sampling_leaves_out() -> Outcome {
     let folder = tempfile::tempdir()?;
     let said = succeeds(&trade(folder.path(), "sampling", "vulkan:0")?)?;
-    contains(&said, "no kernel for their walks: reduced, leaf plane; reduced, truncated tree.")?;
+    contains(&said, "no kernel for their walks: reduced-plane; reduced-truncated.")?;
     let csv = fs::read_to_string(folder.path().join("out/sampling.csv"))?;
-    contains(&csv, "\"reduced, leaf as hit\"")?;
-    if csv.contains("leaf plane") { Err("a walk that was left out has rows".into()) } else { Ok(()) }
+    contains(&csv, "\"reduced-unshortened\"")?;
+    if csv.contains("reduced-plane") { Err("a walk that was left out has rows".into()) } else { Ok(()) }
 }
 
 /// Fails when a card's rows claim a kernel that it does not have.
-fn precision_says_so() -> Outcome {
+pub(crate) fn precision_says_so() -> Outcome {
     let folder = tempfile::tempdir()?;
     let said = succeeds(&trade(folder.path(), "precision", "vulkan:0")?)?;
     contains(&said, "vulkan:0: graphics cards have one kernel, that of robust.")?;

@@ -1,8 +1,6 @@
 //! `cargo xtask estimation`: the measurements behind docs/results/estimation.md, one program after the other.
 
-mod tables;
-
-use crate::command::{cargo, root, run, shown};
+use crate::command::{cargo, root, run, say, shown};
 use crate::setup::setup;
 use anyhow::{Context, Result, bail};
 use real_scenes::{Folders, RealScene, VARIABLE};
@@ -15,10 +13,6 @@ const OUT: &str = "out/estimation";
 
 /// Scenes whose makespans are measured on real devices: six minutes each.
 const BALANCED: [&str; 1] = ["yard"];
-
-/// Estimators of the tables, as the benchmark names them.
-const CASES: &str =
-    "uniform,exact 1/8,exact 1/64,exact 1/128,field 1/64,reduced 1/8,reduced 1/1,reduced-plane 1/64,adaptive,auto";
 
 /// How much is measured.
 struct Extent {
@@ -59,14 +53,13 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     let mut tables = format!("`cargo xtask estimation{}`\n", if quick { " --quick" } else { "" });
 
     tables.push_str("\n## Errors and overhead\n\n");
-    // Relative, since the table repeats the command and programs run in the root.
-    let json = Path::new(OUT).join("errors.json");
+    // Relative, since the tables repeat the command and programs run in the root.
+    let file = |name: &str| Path::new(OUT).join(name);
     let mut errors = program("estimation");
-    errors.args(&scenes).args(extent.errors).args(["--only", CASES, "--json"]).arg(&json);
-    let full = output(&mut errors)?;
-    let numbers =
-        fs::read_to_string(root().join(&json)).with_context(|| format!("cannot read `{}`", json.display()))?;
-    tables.push_str(&tables::tables(&numbers)?);
+    errors.args(&scenes).args(extent.errors).args(["--published", "--json"]).arg(file("errors.json"));
+    let full = output(errors.arg("--summary").arg(file("errors.md")))?;
+    let summary = root().join(file("errors.md"));
+    tables.push_str(&fs::read_to_string(&summary).with_context(|| format!("cannot read `{}`", summary.display()))?);
 
     tables.push_str("\n## Makespans\n\n");
     for scene in BALANCED {
@@ -83,7 +76,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     tables.push_str(&full);
     let file = out.join("tables.md");
     fs::write(&file, tables).with_context(|| format!("cannot write `{}`", file.display()))?;
-    println!("\ntables in {OUT}/tables.md, raw numbers in errors.json, the figure in figure1");
+    say(format_args!("\ntables in {OUT}/tables.md, raw numbers in errors.json, the figure in figure1"));
     Ok(())
 }
 
@@ -91,7 +84,7 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
 fn scenes(folders: Option<&Folders>) -> Result<Vec<PathBuf>> {
     let mut found = vec![PathBuf::from("yard"), PathBuf::from("car")];
     let Some(folders) = folders else {
-        println!("{VARIABLE} is not set: built-in scenes only");
+        say(format_args!("{VARIABLE} is not set: built-in scenes only"));
         return Ok(found);
     };
     // Programs run in the root; tables need not say where that is.
@@ -112,7 +105,7 @@ fn program(name: &str) -> Command {
 /// What a program prints; its progress goes to the terminal.
 fn output(command: &mut Command) -> Result<String> {
     let line = shown(command);
-    println!("$ {line}");
+    say(format_args!("$ {line}"));
     let result = command.stderr(Stdio::inherit()).output().with_context(|| format!("cannot start `{line}`"))?;
     if !result.status.success() {
         bail!("`{line}` failed ({})", result.status);
