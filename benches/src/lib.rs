@@ -1,6 +1,7 @@
 //! What the benchmarks share: scenes with cameras, and the tracers that ours are compared with.
 #![forbid(unsafe_code)]
 
+pub mod large;
 pub mod options;
 pub mod peers;
 

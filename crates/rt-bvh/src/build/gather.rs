@@ -54,11 +54,6 @@ impl Reference {
         let words: &[f32; 8] = bytemuck::cast_ref(self);
         [Vec4::from_slice(&words[0..4]), Vec4::from_slice(&words[2..6]).yzwx()]
     }
-
-    #[cfg(feature = "obvhs")]
-    pub(super) fn bounds(&self) -> Aabb {
-        Aabb { min: self.min, max: self.max }
-    }
 }
 
 pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gathered, BuildError> {
