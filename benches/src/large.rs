@@ -7,8 +7,8 @@ use rt_scene::{Model, builtin};
 /// Vertices along a side of the terrain.
 const SIDE: u32 = 512;
 
-/// A scene of exactly `triangles` triangles: a terrain of half a million, and copies of the car and the yard, turned, of several
-/// sizes and closer together than they are large here and there.
+/// A scene of exactly `triangles` triangles: a terrain of half a million, and copies of the car and the yard, turned,
+/// of several sizes and closer together than they are large here and there.
 #[must_use]
 pub fn large(triangles: usize) -> Model {
     let kinds = [builtin::car(), builtin::yard()].map(|model| (reach(&model), model));

@@ -5,17 +5,27 @@
 
 use rt_balance::stats::median;
 use rt_core::{CostModel, Work, random};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::HybridQueue;
+use std::error::Error;
 use std::hint::black_box;
+use std::io::Write;
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// Repetitions, of which the median is shown.
 const RUNS: usize = 11;
 
-fn main() {
-    println!("| tasks × devices | speeds | LPT ms (min) | hybrid queue ms (min) |");
-    println!("|---|---|---|---|");
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
+    writeln!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
+    writeln!(Stdout, "| tasks × devices | speeds | LPT ms (min) | hybrid queue ms (min) |")?;
+    writeln!(Stdout, "|---|---|---|---|")?;
     for (tasks, devices) in [(4_096, 3), (65_536, 8), (1_000_000, 1_024)] {
         let work: Vec<Work> = (0..tasks).map(task).collect();
         for (label, speeds) in [("equal", &[1.0][..]), ("1:2:4", &[1.0, 2.0, 4.0])] {
@@ -23,12 +33,13 @@ fn main() {
             let schedule = Lpt.schedule(&work, &models);
             let lpt = time(|| drop(black_box(Lpt.schedule(black_box(&work), &models))));
             let queue = time(|| drop(black_box(HybridQueue::new(&schedule, black_box(&work), &models))));
-            println!("| {tasks} × {devices} | {label} | {} | {} |", show(&lpt), show(&queue));
+            writeln!(Stdout, "| {tasks} × {devices} | {label} | {} | {} |", show(&lpt), show(&queue))?;
         }
     }
+    Ok(())
 }
 
-/// Work like a picture's: most tasks cheap, some a hundred times dearer.
+/// Work like a picture's: most tasks cheap, some a hundred times as expensive.
 fn task(index: u32) -> Work {
     let [a, b] = random::pair(1, index, 0);
     let tests = 1024.0 * (4.0 + 400.0 * a.powi(6));

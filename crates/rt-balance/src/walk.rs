@@ -1,9 +1,9 @@
 //! Walks a list of rays on all devices in parallel.
 
+use crate::device_state::{DeviceState, all_lost, cancelled};
+use crate::device_thread::{Answer, Call, Done, Walked};
 use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
-use crate::member::{Member, all_lost, cancelled};
 use crate::record::WalkDone;
-use crate::worker::{Answer, Call, Done, Walked};
 use crate::{BalanceError, Control};
 use rt_core::{DeviceError, DeviceErrorKind, Hit, TestCounts, Walk};
 use std::collections::VecDeque;
@@ -38,7 +38,7 @@ pub(crate) struct Found {
 /// # Errors
 /// When the caller cancels, or some rays were walked by no device: all failed, or those left have no such walk.
 pub(crate) fn walk_on_all(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     rays: &Arc<Vec<u32>>,
     walk: Walk,
     limits: &Limits,
@@ -120,7 +120,7 @@ struct Walking<'a> {
 }
 
 impl Walking<'_> {
-    fn all(mut self, members: &mut [Member]) -> Result<Found, BalanceError> {
+    fn all(mut self, members: &mut [DeviceState]) -> Result<Found, BalanceError> {
         loop {
             for walker in 0..self.walkers.len() {
                 self.feed(walker, members);
@@ -150,7 +150,7 @@ impl Walking<'_> {
         Ok(self.found)
     }
 
-    fn feed(&mut self, walker: usize, members: &mut [Member]) {
+    fn feed(&mut self, walker: usize, members: &mut [DeviceState]) {
         let walker = &mut self.walkers[walker];
         while walker.able && !walker.late && walker.asked.len() < AHEAD {
             let Some(chunk) = self.open.pop() else { return };
@@ -173,7 +173,7 @@ impl Walking<'_> {
         after(walker.since, self.limits.late).and_then(|at| after(at, expected))
     }
 
-    fn deadline(&self, members: &[Member]) -> Option<Instant> {
+    fn deadline(&self, members: &[DeviceState]) -> Option<Instant> {
         let waiting = self.walkers.iter().filter(|walker| !walker.asked.is_empty());
         waiting.fold(None, |deadline, walker| {
             let late_at = if walker.late { None } else { self.late_at(walker) };
@@ -182,7 +182,7 @@ impl Walking<'_> {
     }
 
     /// Looks for devices that are late.
-    fn look(&mut self, members: &mut [Member]) {
+    fn look(&mut self, members: &mut [DeviceState]) {
         let now = Instant::now();
         for index in 0..self.walkers.len() {
             let walker = &self.walkers[index];
@@ -206,7 +206,7 @@ impl Walking<'_> {
         self.open.extend(asked.iter().filter(|&&chunk| by[chunk].is_none()));
     }
 
-    fn take(&mut self, answer: Answer, members: &mut [Member]) {
+    fn take(&mut self, answer: Answer, members: &mut [DeviceState]) {
         let Answer { member, result, status } = answer;
         let Some(index) = self.walkers.iter().position(|walker| walker.member == member) else { return };
         members[member].answered(&status);

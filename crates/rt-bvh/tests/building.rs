@@ -69,8 +69,9 @@ fn no_mesh_makes_a_builder_slow_or_a_tree_deep() {
 /// The corners of the triangle with a number.
 type Corners<'a> = &'a dyn Fn(u32) -> [Vec3; 3];
 
-/// A hundred thousand triangles of the kinds that make clustering or reinsertion quadratic. Work is counted, not time. Fails when a
-/// pass that joins few clusters is not replaced, when a search for a better place has no end, and when ties all break the same way.
+/// A hundred thousand triangles of the kinds that make clustering or reinsertion quadratic. Work is counted, not time.
+/// Fails when a pass that joins few clusters is not replaced, when a search for a better place has no end, and when
+/// ties all break the same way.
 #[test]
 fn no_hundred_thousand_triangles_make_a_builder_slow() {
     let made = |count, corners: Corners<'_>| {
@@ -90,7 +91,8 @@ fn no_hundred_thousand_triangles_make_a_builder_slow() {
         ("nested elsewhere", &|i| triangle.map(|p| p * sized(i) + Vec3::Y * sized(i) * 1e-3)),
     ];
     for &builder in Builder::ALL {
-        // Those that try to move many nodes visit 1,024 for each of them in the worst case, and would take seconds for as many.
+        // Those that try to move many nodes visit 1,024 for each of them in the worst case, and would take seconds for
+        // as many.
         let thorough = matches!(builder, Builder::Ploc(PlocQuality::Slow | PlocQuality::VerySlow));
         let (count, most) = if thorough { (20_000, 400.0) } else { (100_000, 20.0) };
         for (name, corners) in kinds {

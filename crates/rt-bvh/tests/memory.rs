@@ -30,8 +30,8 @@ fn build_under_a_limit() {
     }
 }
 
-/// Guards: everything that grows with the mesh is asked for with a way to fail. Fails (the child aborts) when any of it is grown
-/// by `Vec::push` or `vec!`.
+/// Guards: everything that grows with the mesh is asked for with a way to fail. Fails (the child aborts) when any of it
+/// is grown by `Vec::push` or `vec!`.
 #[test]
 fn refused_memory_is_an_error_wherever_it_happens() {
     let me = std::env::current_exe().expect("this test");
@@ -47,7 +47,8 @@ fn refused_memory_is_an_error_wherever_it_happens() {
                 .args(["build_under_a_limit", "--exact", "--ignored", "--nocapture", "--test-threads=1"])
                 .env(BUILDER, builder.name())
                 .env("RUST_BACKTRACE", "0")
-                // Threads allocate a few bytes each that nobody can refuse with grace, and would need them at a random moment.
+                // Threads allocate a few bytes each that nobody can refuse with grace, and would need them at a random
+                // moment.
                 .env("RAYON_NUM_THREADS", "1")
                 .output()
                 .expect("a shell");

@@ -77,7 +77,7 @@ fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> 
 /// What the command line knows better.
 fn explained(error: PrepareError) -> anyhow::Error {
     match error {
-        PrepareError::Unknown { .. } => usage(error.to_string()),
+        PrepareError::Unknown { .. } => usage(error.to_string()).into(),
         error => error.into(),
     }
 }

@@ -11,8 +11,8 @@ use core::ops::RangeInclusive;
 /// this many entries always suffices.
 pub const MAX_DEPTH: u32 = 128;
 
-/// What [`Scene::scale_exponent`] may be: what takes coordinates from the least to the largest of single precision to about 1.
-/// The exact arithmetic of [`crate::intersect`] counts with it.
+/// What [`Scene::scale_exponent`] may be: what takes coordinates from the least to the largest of single precision to
+/// about 1. The exact arithmetic of [`crate::intersect`] counts with it.
 pub const SCALE_EXPONENTS: RangeInclusive<i32> = -148..=128;
 
 /// An inner node of the two-wide tree: the boxes of both children and where they are. 64 bytes, one cache line.
@@ -201,9 +201,9 @@ impl Scene {
         self.primitive_count
     }
 
-    /// Local coordinates are given ones times `2^−scale_exponent`. No coordinate of a triangle is rounded. Where that is
-    /// possible the largest of them is in [½, 1), which keeps single-precision products of coordinates away from overflow and
-    /// underflow whatever the unit of the scene.
+    /// Local coordinates are given ones times `2^−scale_exponent`. No coordinate of a triangle is rounded. Where that
+    /// is possible the largest of them is in [½, 1), which keeps single-precision products of coordinates away from
+    /// overflow and underflow whatever the unit of the scene.
     #[must_use]
     pub const fn scale_exponent(&self) -> i32 {
         self.scale_exponent

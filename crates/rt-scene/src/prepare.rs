@@ -11,7 +11,7 @@ use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
 use std::error::Error;
 use std::fmt;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -27,7 +27,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the precision.
+    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the
+    /// precision.
     #[must_use]
     pub const fn new(builder: Builder) -> Self {
         Self { builder, invalid: InvalidTriangles::Refuse, precision: None }
@@ -61,6 +62,8 @@ pub struct Prepared {
     pub warnings: Vec<String>,
     /// What was done with its numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read for it.
+    pub libraries: Vec<PathBuf>,
     /// Seconds of loading or generating, and of the scan.
     pub load_s: f64,
     /// Seconds of building the tree.
@@ -68,8 +71,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from outside, or
-    /// from inside where it is a room. Pictures and measurements have the same.
+    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from
+    /// outside, or from inside where it is a room. Pictures and measurements have the same.
     #[must_use]
     pub fn view(&self) -> View {
         let scene: &Scene = &self.built.scene;
@@ -103,7 +106,7 @@ impl Prepared {
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
 pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
-    let Named { name, model, warnings, notes } = load(scene, options.invalid, watch)?;
+    let Named { name, model, warnings, notes, libraries } = load(scene, options.invalid, watch)?;
     let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
     let mut plan = Plan::new(&scan);
     let load_s = start.elapsed().as_secs_f64();
@@ -123,7 +126,20 @@ pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result
 
     let precision = options.precision.unwrap_or(plan.precision);
     let listed = view::listed(scene, &model);
-    Ok(Prepared { name, model, built, plan, precision, listed, options: *options, warnings, notes, load_s, build_s })
+    Ok(Prepared {
+        name,
+        model,
+        built,
+        plan,
+        precision,
+        listed,
+        options: *options,
+        warnings,
+        notes,
+        libraries,
+        load_s,
+        build_s,
+    })
 }
 
 /// A scene's triangles, and what it is called.
@@ -137,6 +153,8 @@ pub struct Named {
     pub warnings: Vec<String>,
     /// What was done with its numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read for it.
+    pub libraries: Vec<PathBuf>,
 }
 
 /// Generates the built-in scene called `name`, if there is one.
@@ -178,12 +196,13 @@ pub fn check(scene: &Path) -> Result<(), PrepareError> {
 pub fn load(scene: &Path, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> Result<Named, PrepareError> {
     let name = short_name(scene);
     if let Some(model) = scene.to_str().and_then(generate) {
-        return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new() });
+        return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new(), libraries: Vec::new() });
     }
     check(scene)?;
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
-    let Loaded { model, warnings, notes, .. } = load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
-    Ok(Named { name, model, warnings, notes })
+    let Loaded { model, warnings, notes, libraries, .. } =
+        load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
+    Ok(Named { name, model, warnings, notes, libraries })
 }
 
 /// Why a scene cannot be traced.

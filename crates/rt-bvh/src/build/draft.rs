@@ -5,15 +5,16 @@ use super::{BuildError, Tree, filled, reserve, reserved};
 use alloc::vec::Vec;
 use rt_core::{Aabb, Child, MAX_DEPTH, Node};
 
-/// What a node costs beside its triangles where small subtrees become leaves, in triangle tests: high, for leaves of several
-/// triangles. The value is that of the crate `obvhs` 0.4.
+/// What a node costs beside its triangles where small subtrees become leaves, in triangle tests: high, for leaves of
+/// several triangles. The value is that of the crate `obvhs` 0.4.
 const LEAF_GAIN: f32 = 3.0;
 
 /// One node: a box, and what is in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Branch {
     pub bounds: Bounds,
-    /// The first of two children that lie side by side, or the place in [`Draft::order`] of the first of `count` triangles.
+    /// The first of two children that lie side by side, or the place in [`Draft::order`] of the first of `count`
+    /// triangles.
     pub first: u32,
     /// 0 for inner nodes.
     pub count: u32,
@@ -69,7 +70,8 @@ impl Draft {
         Ok(visits)
     }
 
-    /// The same tree with leaves of up to `most` triangles, where they are expected to cost less than the nodes they replace.
+    /// The same tree with leaves of up to `most` triangles, where they are expected to cost less than the nodes they
+    /// replace.
     pub(super) fn with_leaves(self, most: u32) -> Result<Self, BuildError> {
         if most <= 1 {
             return Ok(self);

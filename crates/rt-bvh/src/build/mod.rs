@@ -11,8 +11,12 @@ mod sah;
 use crate::{BuildOptions, Builder, Mesh};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use bytemuck::Zeroable;
+use bytemuck::allocation::try_zeroed_vec;
 use core::fmt;
-use gather::Gathered;
+use core::mem::take;
+use gather::{Gathered, Reference};
+use parallel::each;
 use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 
 /// Builds a scene from `mesh`.
@@ -27,8 +31,8 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
     build_with(mesh, options, &mut |_, _| true)
 }
 
-/// [`build`], with a word in between: `proceed` is told how much is done and how much there is, in triangles, and says whether to
-/// go on. Where one builder gives up and another does its work, it begins at 0 again.
+/// [`build`], with a word in between: `proceed` is told how much is done and how much there is, in triangles, and says
+/// whether to go on. Where one builder gives up and another does its work, it begins at 0 again.
 ///
 /// # Errors
 /// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.
@@ -38,9 +42,10 @@ pub fn build_with(
     proceed: &mut dyn FnMut(u32, u32) -> bool,
 ) -> Result<Built, BuildError> {
     let _environment = rt_fenv::Environment::enter();
-    let gathered = gather::gather(mesh, options.invalid)?;
-    let mut control = Control { proceed, done: 0, all: gathered.references.len() as u32, steps: 0, asked: 0 };
-    let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;
+    let mut gathered = gather::gather(mesh, options.invalid)?;
+    let references = take(&mut gathered.references);
+    let mut control = Control { proceed, done: 0, all: references.len() as u32, steps: 0, asked: 0 };
+    let (tree, builder, fallback) = grow(references, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
         fallback,
@@ -113,18 +118,23 @@ fn filled<T: Clone>(value: T, count: usize, what: &'static str) -> Result<Vec<T>
     Ok(vector)
 }
 
+/// Zeros, which cost nothing until they are written to.
+fn zeroed<T: Zeroable>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    try_zeroed_vec(count).map_err(|()| BuildError::OutOfMemory { what, bytes })
+}
+
 /// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
 fn grow(
-    gathered: &Gathered,
+    references: Vec<Reference>,
     builder: Builder,
     max_leaf: u32,
     control: &mut Control<'_>,
 ) -> Result<(Tree, Builder, Option<Fallback>), BuildError> {
-    let references = &gathered.references;
     let fallback = match builder {
         Builder::Sah => None,
         Builder::Ploc(quality) => {
-            if let Some(tree) = ploc::build(references, quality, max_leaf, control)? {
+            if let Some(tree) = ploc::build(&references, quality, max_leaf, control)? {
                 return Ok((tree, builder, None));
             }
             control.restart();
@@ -146,6 +156,9 @@ impl Tree {
     }
 }
 
+/// Triangles that a thread puts in order at a time.
+const CHUNK: usize = 1 << 13;
+
 /// Puts triangles and ids in leaf order, and has the scene check everything.
 fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     let Gathered { triangles, primitives, .. } = gathered;
@@ -153,10 +166,14 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     if !gathered.exact_references {
         fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
     }
-    let mut in_order = reserved(order.len(), "the triangles in the tree's order")?;
-    in_order.extend(order.iter().map(|&i| triangles[i as usize]));
-    let mut ids = reserved(order.len(), "the ids of triangles")?;
-    ids.extend(order.iter().map(|&i| primitives[i as usize]));
+    let mut in_order = zeroed(order.len(), "the triangles in the tree's order")?;
+    let mut ids = zeroed(order.len(), "the ids of triangles")?;
+    let places = in_order.chunks_mut(CHUNK).zip(ids.chunks_mut(CHUNK)).zip(order.chunks(CHUNK));
+    each(places.collect(), |((in_order, ids), order)| {
+        for ((triangle, id), &i) in in_order.iter_mut().zip(ids).zip(order) {
+            (*triangle, *id) = (triangles[i as usize], primitives[i as usize]);
+        }
+    });
     Scene::new(SceneParts {
         nodes,
         triangles: in_order,
@@ -202,8 +219,8 @@ pub struct BuildReport {
     pub builder: Builder,
     /// Why that is not the one asked for; `None` when it is.
     pub fallback: Option<Fallback>,
-    /// Boxes that were binned, compared or visited: what building cost, the same on every machine. It is bounded by a multiple
-    /// of n log n for every mesh.
+    /// Boxes that were binned, compared or visited: what building cost, the same on every machine. It is bounded by a
+    /// multiple of n log n for every mesh.
     pub steps: u64,
     /// The threads there were for it.
     pub threads: usize,

@@ -1,5 +1,5 @@
-//! Work on all cores: with the feature `parallel` on rayon's threads, where they can be started; without it here. What comes of it
-//! is the same.
+//! Work on all cores: with the feature `parallel` on rayon's threads, where they can be started; without it here. What
+//! comes of it is the same.
 
 use alloc::vec::Vec;
 

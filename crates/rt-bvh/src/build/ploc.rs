@@ -1,14 +1,15 @@
 //! Bottom-up construction by clustering neighbours on a space-filling curve.
 //!
-//! After D. Meister and J. Bittner, *Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction* (2018):
-//! clusters lie in Morton order of their centroids, each looks for the best partner a few places before and behind it, and those
-//! that are each other's best become one. Then the tree is improved by [`super::reinsert`], small subtrees become leaves, and it
-//! is improved again. We deviate in two ways, without which some inputs take quadratic time:
+//! After D. Meister and J. Bittner, *Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction*
+//! (2018): clusters lie in Morton order of their centroids, each looks for the best partner a few places before and
+//! behind it, and those that are each other's best become one. Then the tree is improved by [`super::reinsert`], small
+//! subtrees become leaves, and it is improved again. We deviate in two ways, without which some inputs take quadratic
+//! time:
 //!
-//! * Of partners that are equally good, a cluster at an even place takes the next and one at an odd place the one before, so that
-//!   rows of equal boxes pair at once, and not one pair in each pass.
-//! * A pass that joins few clusters ([`FEW`]) joins neighbours two by two instead: of nested boxes nearly all find that the next
-//!   smaller one is their best partner, which is not mutual.
+//! * Of partners that are equally good, a cluster at an even place takes the next and one at an odd place the one
+//!   before, so that rows of equal boxes pair at once, and not one pair in each pass.
+//! * A pass that joins few clusters ([`FEW`]) joins neighbours two by two instead: of nested boxes nearly all find that
+//!   the next smaller one is their best partner, which is not mutual.
 
 use super::bounds::Bounds;
 use super::draft::{Branch, Draft};
@@ -19,8 +20,9 @@ use crate::PlocQuality;
 use alloc::vec::Vec;
 use glam::{DVec3, Vec4};
 
-/// A pass that joins fewer than one pair among this many clusters is replaced by one that joins every two: so there are at most
-/// log n / log(16/15) passes, eleven times the log₂ n of a builder that halves. Ordinary scenes join one pair in three or four.
+/// A pass that joins fewer than one pair among this many clusters is replaced by one that joins every two: so there are
+/// at most log n / log(16/15) passes, eleven times the log₂ n of a builder that halves. Ordinary scenes join one pair
+/// in three or four.
 const FEW: usize = 16;
 
 /// Clusters for which a thread seeks partners at a time.

@@ -1,8 +1,9 @@
 //! Improves trees by moving nodes to where they cost less.
 //!
-//! After D. Meister and J. Bittner, *Parallel Reinsertion for Bounding Volume Hierarchy Optimization* (2018), with the sequence of
-//! ever smaller batches of the crate `obvhs` 0.4. We deviate in one way: the search for a place is given up after
-//! [`MOST_VISITED`] nodes. In nested boxes nothing bounds it, for every place is nearly as good, and the time is quadratic.
+//! After D. Meister and J. Bittner, *Parallel Reinsertion for Bounding Volume Hierarchy Optimization* (2018), with the
+//! sequence of ever smaller batches of the crate `obvhs` 0.4. We deviate in one way: the search for a place is given up
+//! after [`MOST_VISITED`] nodes. In nested boxes nothing bounds it, for every place is nearly as good, and the time is
+//! quadratic.
 
 use super::bounds::Bounds;
 use super::draft::{Branch, Draft, sibling};
@@ -30,7 +31,8 @@ struct Move {
     gain: f32,
 }
 
-/// Tries to move this share of all nodes, the largest near the root: a quarter of all work, of which the part `from` is done.
+/// Tries to move this share of all nodes, the largest near the root: a quarter of all work, of which the part `from` is
+/// done.
 pub(super) fn improve(draft: &mut Draft, share: f32, control: &mut Control<'_>, from: f32) -> Result<(), BuildError> {
     let count = draft.nodes.len();
     // No node of three can be elsewhere.
@@ -87,9 +89,10 @@ fn find_all(draft: &Draft, nodes: &[u32]) -> (Vec<Move>, u64) {
 
 /// The place where `node` costs least, if that is not where it is.
 ///
-/// A node leaves its parent, whose place its sibling takes, so all boxes on the way up shrink; and where it goes, all boxes
-/// on the way down grow, and it gets a new parent together with what is there. The search goes up one node at a time and looks
-/// at what is below the other child, as far as less would be gained already without the new parent's box than was found.
+/// A node leaves its parent, whose place its sibling takes, so all boxes on the way up shrink; and where it goes, all
+/// boxes on the way down grow, and it gets a new parent together with what is there. The search goes up one node at a
+/// time and looks at what is below the other child, as far as less would be gained already without the new parent's box
+/// than was found.
 fn find(draft: &Draft, node: u32, open: &mut Vec<(f32, u32)>, visits: &mut u64) -> Option<Move> {
     let at = |node: u32| -> &Branch { &draft.nodes[node as usize] };
     let own = at(node).bounds;

@@ -8,28 +8,30 @@ use crate::policy::{seconds, total};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
-// Not one of `atomics`, whose every order loom tries: it decides only how many tasks a launch takes, not whose they are.
+// Not one of `atomics`, whose every order loom tries: it decides only how many tasks a launch takes, not whose they
+// are.
 use core::sync::atomic::{AtomicU32, Ordering};
 use rt_core::{CostModel, TaskId, Work};
 
 /// Share of a device's remaining predicted seconds that its next launch takes, without a unit.
 ///
-/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of a
-/// list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to mend
-/// bad estimates (simulated: 8 devices, 1,024 tasks, error 30%, excess 0.67, 1.2 and 2.5%; with one launch in flight 0.51,
-/// 0.47 and 0.85%). Smaller shares only add launches.
+/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of
+/// a list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to
+/// mend bad estimates (simulated: 8 devices, 1,024 tasks, error 30%, excess 0.67, 1.2 and 2.5%; with one launch in
+/// flight 0.51, 0.47 and 0.85%). Smaller shares only add launches.
 const LAUNCH_SHARE: f64 = 1.0 / 3.0;
 
 /// Share of the stream that predicted speeds count for beside what devices have finished, and share of its list that a
 /// device's first launches take, without a unit.
 ///
-/// Speeds are predicted from few samples or from other streams, and may be wrong by a factor. A device that is a twentieth
-/// as fast as was thought would be alone with its first launches at the end. Simulated, 8,192 tasks, one of three devices 5
-/// times slower beside the others than predicted: excess 102% without this, 0.5% with it; 20 times slower: 654 and 4%, and with
-/// 1/64 39%. It costs some eight launches more.
+/// Speeds are predicted from few samples or from other streams, and may be wrong by a factor. A device that is a
+/// twentieth as fast as was thought would be alone with its first launches at the end. Simulated, 8,192 tasks, one of
+/// three devices 5 times slower beside the others than predicted: excess 102% without this, 0.5% with it; 20 times
+/// slower: 654 and 4%, and with 1/64 39%. It costs some eight launches more.
 const PRIOR: f64 = 1.0 / 256.0;
 
-/// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on a processor.
+/// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on
+/// a processor.
 const NEIGHBOURS: usize = 16;
 
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
@@ -44,14 +46,13 @@ const NEAREST: f64 = 0.25;
 
 /// Hybrid queues: each device works through its own list in shrinking launches, and steals when it runs dry.
 ///
-/// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing*
-/// (1998), who start from a static assignment and correct it while it runs. Speeds are predicted first; then what each device
-/// has finished tells them, since all began together. A launch takes about a third of the device's list, or of its fair share
-/// of all that is left where that is less, begins small and grows with what the device has finished, but is no less than a
-/// launch costs. An idle device steals from the one with most
-/// predicted seconds left, from the end of its list, where an LPT list has its smallest tasks: as much, in whole
-/// tasks, as makes both end together. So a slow device never takes the last task of a much
-/// faster one. What a lost device leaves behind goes to whoever is idle.
+/// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing* (1998),
+/// who start from a static assignment and correct it while it runs. Speeds are predicted first; then what each device
+/// has finished tells them, since all began together. A launch takes about a third of the device's list, or of its fair
+/// share of all that is left where that is less, begins small and grows with what the device has finished, but is no
+/// less than a launch costs. An idle device steals from the one with most predicted seconds left, from the end of its
+/// list, where an LPT list has its smallest tasks: as much, in whole tasks, as makes both end together. So a slow
+/// device never takes the last task of a much faster one. What a lost device leaves behind goes to whoever is idle.
 #[derive(Debug)]
 pub struct HybridQueue {
     slots: Slots,
@@ -63,11 +64,12 @@ pub struct HybridQueue {
     devices: Box<[Pace]>,
 }
 
-/// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is known
-/// of them, so a launch of neighbours may be several times as dear as another, and says nothing of a device's speed.
+/// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is
+/// known of them, so a launch of neighbours may be several times as expensive as another, and says nothing of a
+/// device's speed.
 ///
-/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical inverse of
-/// J. van der Corput (1935).
+/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical
+/// inverse of J. van der Corput (1935).
 fn spread(list: &[TaskId], work: &[Work]) -> Vec<TaskId> {
     let of = |task: TaskId| work.get(task as usize);
     let mut out = Vec::with_capacity(list.len());
@@ -111,7 +113,7 @@ impl Pace {
 impl HybridQueue {
     /// Queues with the lists of `schedule`, which was made for this work and these devices.
     ///
-    /// Lists should be sorted dearest task first, as those of [`Lpt`](crate::policy::Lpt) are.
+    /// Lists should be sorted most expensive task first, as those of [`Lpt`](crate::policy::Lpt) are.
     #[must_use]
     pub fn new(schedule: &Schedule, work: &[Work], devices: &[CostModel]) -> Self {
         let model = |device: usize| devices.get(device).copied().unwrap_or_default();

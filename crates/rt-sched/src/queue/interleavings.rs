@@ -1,5 +1,5 @@
-//! Every interleaving of two or three devices on small queues, by loom (its `AUTHORS`: an implementation of B. Norris and
-//! B. Demsky, *CDSChecker: Checking Concurrent Data Structures Written with C/C++ Atomics*, 2013).
+//! Every interleaving of two or three devices on small queues, by loom (its `AUTHORS`: an implementation of B. Norris
+//! and B. Demsky, *CDSChecker: Checking Concurrent Data Structures Written with C/C++ Atomics*, 2013).
 
 use super::{CentralQueue, HybridQueue, Pop, StaticQueue, TaskQueue};
 use crate::policy::{Block, Policy};

@@ -351,9 +351,9 @@ fn strange_calls_are_harmless() {
         }
     }
     let huge = vec![Work::new(f32::MAX, f32::MAX, f32::MAX); 9];
-    let dear = vec![CostModel::new(f64::MAX, f64::MAX, f64::MAX, f64::MAX).expect("valid"); 2];
-    for (_, queue) in queues(&huge, &dear) {
-        Run::new(&*queue, huge.len(), dear.len()).drain();
+    let expensive = vec![CostModel::new(f64::MAX, f64::MAX, f64::MAX, f64::MAX).expect("valid"); 2];
+    for (_, queue) in queues(&huge, &expensive) {
+        Run::new(&*queue, huge.len(), expensive.len()).drain();
     }
 }
 
@@ -367,7 +367,7 @@ fn launches_have_the_promised_sizes() {
         let launch = central.pop(0, &mut out) == Pop::Launch;
         launch.then(|| out[0])
     });
-    assert_eq!(order.collect::<Vec<_>>(), [0, 2, 4, 3, 1, 5], "dearest first, ties by number");
+    assert_eq!(order.collect::<Vec<_>>(), [0, 2, 4, 3, 1, 5], "most expensive first, ties by number");
 
     let schedule = Lpt.schedule(&work, &devices);
     let fixed = StaticQueue::new(&schedule);

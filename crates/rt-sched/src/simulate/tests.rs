@@ -23,8 +23,8 @@ fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn TaskQueue>
 
 const NAMES: [&str; 6] = ["block", "round robin", "lpt", "fifo", "central", "hybrid"];
 
-/// Costs of the tasks of an image in Z-curve order, as images have them: a dear object, a gradient, and fine detail.
-/// They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
+/// Costs of the tasks of an image in Z-curve order, as images have them: an expensive object, a gradient, and fine
+/// detail. They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
 fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
     let side = f64::from(n.next_power_of_two()).sqrt();
     let [cx, cy] = random::pair(seed, 0, 7).map(|c| 0.25 + 0.5 * f64::from(c));
@@ -56,8 +56,8 @@ fn models(speeds: &[f64]) -> Vec<CostModel> {
 /// Number of images whose excess is averaged.
 const IMAGES: u32 = 5;
 
-/// Mean excess over the lower bound, in percent, and mean number of launches of all devices together, where devices were
-/// predicted to have other speeds than they have.
+/// Mean excess over the lower bound, in percent, and mean number of launches of all devices together, where devices
+/// were predicted to have other speeds than they have.
 fn simulated(name: &str, predicted: &[f64], speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> [f64; 2] {
     let devices = models(predicted);
     let one = |seed| {
@@ -125,11 +125,11 @@ fn hybrid_stays_within_one_percent() {
     }
 }
 
-/// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of the
-/// dearest, sets a bound of its own. `--nocapture` shows the table.
+/// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of
+/// the most expensive, sets a bound of its own. `--nocapture` shows the table.
 ///
-/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted speed;
-/// `fair` that is infinite; `finish` without its sum.
+/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted
+/// speed; `fair` that is infinite; `finish` without its sum.
 #[test]
 fn misjudged_speeds_are_found_out() {
     let rows: [(&[f64], [f64; 2]); 5] = [
@@ -159,7 +159,7 @@ fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
 
 /// Mutant: a device that takes both its launches before the next one takes any.
 #[test]
-fn the_dearest_tasks_go_to_different_devices() {
+fn the_most_expensive_tasks_go_to_different_devices() {
     let costs = [3.0, 3.0, 3.0, 1.0];
     let work: Vec<Work> = costs.iter().map(|&c| Work::new(0.0, c as f32, 0.0)).collect();
     let queue = CentralQueue::new(&work, &[CostModel::UNIT; 3]);

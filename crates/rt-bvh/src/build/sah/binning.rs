@@ -43,7 +43,8 @@ pub(super) struct Binning {
     scale: Vec4,
 }
 
-/// A plane between two bins, its expected cost times the area of the range's box, and what is on either side but for centroids.
+/// A plane between two bins, its expected cost times the area of the range's box, and what is on either side but for
+/// centroids.
 pub(super) struct Split {
     binning: Binning,
     axis: usize,
@@ -72,8 +73,8 @@ impl Binning {
         self.bins
     }
 
-    /// The bins along the three axes of the box with these corners, as whole numbers above 2²³: so they are in the lowest bits of
-    /// the mantissa, which is faster than three saturating casts.
+    /// The bins along the three axes of the box with these corners, as whole numbers above 2²³: so they are in the
+    /// lowest bits of the mantissa, which is faster than three saturating casts.
     #[inline]
     fn position(&self, [min, max]: [Vec4; 2]) -> Vec4 {
         let position = (min + max - self.origin) * self.scale - 0.5;
@@ -174,8 +175,8 @@ impl Split {
         [near, far]
     }
 
-    /// Moves the near side to the front of the other buffer and the far side behind it, both in their order; `filled` are the
-    /// bins of each chunk.
+    /// Moves the near side to the front of the other buffer and the far side behind it, both in their order; `filled`
+    /// are the bins of each chunk.
     pub(super) fn apply_apart(&self, chunks: Chunks<'_>, filled: &[Bins<BINS>]) -> [Range; 2] {
         match self.axis {
             0 => self.apply_apart_across::<0>(chunks, filled),

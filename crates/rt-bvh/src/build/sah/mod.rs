@@ -4,18 +4,18 @@
 //! range that no plane can split is halved by position, and so is one that has grown too deep, which bounds depth and
 //! time for every input.
 //!
-//! Large ranges are split one after the other, each by all threads in chunks; what is left below [`SUBTREE`] is built by one
-//! thread each. Which ranges these are, and what is done with either, does not depend on threads: so neither does the tree.
+//! Large ranges are split one after the other, each by all threads in chunks; what is left below [`SUBTREE`] is built
+//! by one thread each. Which ranges these are, and what is done with either, does not depend on threads: so neither
+//! does the tree.
 
 mod binning;
 mod range;
 
 use super::gather::Reference;
 use super::parallel::each;
-use super::{BuildError, Control, Tree, filled, reserve, reserved};
+use super::{BuildError, Control, Tree, reserve, reserved, zeroed};
 use alloc::vec::Vec;
 use binning::Chunks;
-use bytemuck::Zeroable;
 use core::mem::take;
 use range::Range;
 use rt_core::{Aabb, Child, MAX_DEPTH, Node};
@@ -26,19 +26,19 @@ const SUBTREE: u32 = 1 << 14;
 /// Subtrees built between two words to whoever waits.
 const WAVE: usize = 32;
 
-pub(super) fn build(references: &[Reference], max_leaf: u32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
+pub(super) fn build(references: Vec<Reference>, max_leaf: u32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
     if references.is_empty() {
         return Ok(Tree::empty());
     }
-    let mut own = reserved(references.len(), "the boxes of triangles")?;
-    own.extend_from_slice(references);
     // Large ranges are split from one buffer into the other and back.
-    let large = if references.len() > SUBTREE as usize { references.len() } else { 0 };
-    let mut buffers = [own, filled(Reference::zeroed(), large, "the boxes of triangles")?];
+    let count = references.len();
+    let whole = Range::around(&references);
+    let large = if count > SUBTREE as usize { count } else { 0 };
+    let mut buffers = [references, zeroed(large, "the boxes of triangles")?];
 
-    let mut upper = reserved(4 * references.len() / SUBTREE as usize + 1, "the upper tree")?;
+    let mut upper = reserved(4 * count / SUBTREE as usize + 1, "the upper tree")?;
     let mut open = reserved(MAX_DEPTH as usize + 1, "the ranges to split")?;
-    open.push((Range::around(references), 0_usize, 1_u32));
+    open.push((whole, 0_usize, 1_u32));
     while let Some((range, buffer, depth)) = open.pop() {
         if range.count > SUBTREE {
             control.worked(range.count.into())?;
@@ -58,7 +58,7 @@ pub(super) fn build(references: &[Reference], max_leaf: u32, control: &mut Contr
     let subtrees = grow(&upper, &mut buffers, max_leaf, control)?;
     let nodes = join(&upper, subtrees)?;
 
-    let mut order = reserved(references.len(), "the order of triangles")?;
+    let mut order = reserved(count, "the order of triangles")?;
     for part in &upper {
         if let Upper::Subtree { range, buffer, .. } = part {
             let own = &buffers[*buffer][range.first as usize..][..range.count as usize];

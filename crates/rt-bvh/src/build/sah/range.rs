@@ -84,7 +84,8 @@ impl Range {
         }
     }
 
-    /// The best plane; `Some(None)` where there is none and the range is to be halved, and `None` where it is best left a leaf.
+    /// The best plane; `Some(None)` where there is none and the range is to be halved, and `None` where it is best left
+    /// a leaf.
     fn choice(&self, max_leaf: u32, depth: u32, best: impl FnOnce(Binning) -> Option<Split>) -> Option<Option<Split>> {
         // A node alone costs as much as two triangles.
         let few = self.count as f32 * TRIANGLE_COST <= NODE_COST;
