@@ -12,8 +12,8 @@
 //! they are),
 //! `coverage` (how often their intervals hold). `cargo run --release -p rt-lab --bin compare -- yard` runs one.
 //!
-//! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
-//! here knows a command line or a terminal.
+//! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So
+//! nothing here knows a command line or a terminal.
 #![forbid(unsafe_code)]
 
 pub mod arguments;
@@ -29,8 +29,8 @@ pub use lab::{Lab, Show};
 
 use rt_bvh::{Builder, PlocQuality};
 
-/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose trees are
-/// a little better outdoors (`cargo run --release -p rt-benches --bin peers -- SCENE --builder NAME`).
+/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose
+/// trees are a little better outdoors (`cargo run --release -p rt-benches --bin peers -- SCENE --builder NAME`).
 pub const DEFAULT_BUILDER: Builder = Builder::Ploc(PlocQuality::Medium);
 
 /// What is measured where no scene is named.

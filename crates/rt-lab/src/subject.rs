@@ -29,7 +29,8 @@ impl<'a> Subject<'a> {
         Ok(Self { lab, balancer, prepared, hits: Vec::new() })
     }
 
-    /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
+    /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent
+    /// case.
     pub(crate) fn streams(&mut self, size: [u32; 2], seed: u32) -> Result<[Stream; 2]> {
         let paths = self.prepared.paths(&self.prepared.view(), size, seed).context("the scene's camera")?;
         let precision = self.prepared.precision;

@@ -28,8 +28,8 @@ impl<'a> TimeBudget<'a> {
         Self { show, label: Cell::new(""), from: 0.0, to: 1.0, until, done: Cell::new(0), steps: 1 }
     }
 
-    /// Part `index` of as many parts as there are weights, when the parts before it have ended. It gets its share of the time
-    /// that is left: what earlier parts saved or overdrew is shared by all later ones.
+    /// Part `index` of as many parts as there are weights, when the parts before it have ended. It gets its share of
+    /// the time that is left: what earlier parts saved or overdrew is shared by all later ones.
     pub(crate) fn part(&self, weights: &[f64], index: usize) -> Self {
         let sum = |range: &[f64]| range.iter().sum::<f64>();
         let place = |index: usize| self.from + (self.to - self.from) * sum(&weights[..index]) / sum(weights);

@@ -1,4 +1,5 @@
-//! Writes every kind of chart and picture from made-up data, to look at them: `cargo run -p rt-report --example charts`.
+//! Writes every kind of chart and picture from made-up data, to look at them:
+//! `cargo run -p rt-report --example charts`.
 
 use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};

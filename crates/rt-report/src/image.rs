@@ -14,8 +14,9 @@ const BLOCK: usize = 1 << 18;
 
 /// Writes linear radiance (Rec. 709 primaries, row by row from the upper left), times `exposure`, as an 8-bit sRGB PNG.
 ///
-/// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8 keeps its colour; what is brighter is compressed towards white. Values that are negative
-/// or not numbers become black, infinite ones white.
+/// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8
+/// keeps its colour; what is brighter is compressed towards white. Values that are negative or not numbers become
+/// black, infinite ones white.
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.

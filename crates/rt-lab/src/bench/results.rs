@@ -20,8 +20,8 @@ pub(crate) struct Results {
     pub(crate) results: Vec<DeviceResult>,
 }
 
-/// Seconds of reduced over full traversal in M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing
-/// on Multi-GPU Systems* (2013), on a Tesla C1060.
+/// Seconds of reduced over full traversal in M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray
+/// Tracing on Multi-GPU Systems* (2013), on a Tesla C1060.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Paper {
     pub(crate) coherent: f64,

@@ -3,14 +3,14 @@
 //! `cargo run --release -p rt-lab --bin coverage -- --help`
 //!
 //! Every ray's tests are counted once; then each estimator is asked again and again, with another seed each time, and
-//! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or does
-//! not. So neither the machine nor its load matters, but for the last column. Tasks that were walked in full, and are
-//! certain, are left out.
+//! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or
+//! does not. So neither the machine nor its load matters, but for the last column. Tasks that were walked in full, and
+//! are certain, are left out.
 //!
 //! Columns: samples of a task, on average; trials; share of the trials whose interval holds; the same over trials whose
-//! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals
-//! hold in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative
-//! to the task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; what
+//! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals hold
+//! in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative to the
+//! task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; what
 //! the estimator itself computes for one estimate, in milliseconds of one thread's processor time, in the median.
 #![forbid(unsafe_code)]
 
@@ -37,7 +37,8 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-/// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
+/// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean
+/// hides.
 const LEAST_OF_A_TASK: f64 = 0.9;
 
 /// Relative rounding of [`Work`]'s single precision, by which an interval of width 0 may miss.

@@ -70,8 +70,8 @@ pub struct Options {
     pub fraction: Option<f64>,
     /// Devices to trace on, or the one to measure for a replay; `None`: three cores.
     pub devices: Option<String>,
-    /// Number of equal virtual devices that are played from task times measured on one; `None`: none, where the machine has
-    /// as many cores as the devices want.
+    /// Number of equal virtual devices that are played from task times measured on one; `None`: none, where the machine
+    /// has as many cores as the devices want.
     pub replay: Option<u32>,
     /// Rays of a task, increasing.
     pub task_sizes: Vec<u32>,

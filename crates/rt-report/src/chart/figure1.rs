@@ -1,9 +1,10 @@
 //! The paper's Figure 1: tracing time against task size, cost-initialised queues over regular ones.
 //!
-//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013), whose
-//! figure draws coloured bars over background bars without saying which is which in so many words. Here the background
-//! is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen whichever is
-//! longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn twice.
+//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013),
+//! whose figure draws coloured bars over background bars without saying which is which in so many words. Here the
+//! background is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen
+//! whichever is longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn
+//! twice.
 
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};

@@ -83,8 +83,8 @@ impl Outputs {
         if inputs.inputs.is_empty() { Ok(()) } else { inputs.check() }
     }
 
-    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what killed
-    /// processes left of the same files.
+    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what
+    /// killed processes left of the same files.
     ///
     /// # Errors
     /// Of wrong usage, when something cannot be written; the message names the option, the path and the reason.

@@ -18,8 +18,8 @@ pub(super) enum Place {
         /// What is there.
         about: Option<Metadata>,
     },
-    /// A file that this process has open already, such as `/dev/stdout`. Opened by its name, it would be written from its
-    /// beginning even where it was opened to be appended to.
+    /// A file that this process has open already, such as `/dev/stdout`. Opened by its name, it would be written from
+    /// its beginning even where it was opened to be appended to.
     Descriptor(u32),
     /// A pipe or a device, which takes bytes as they come.
     Stream(PathBuf, Metadata),

@@ -4,16 +4,16 @@
 //!
 //! One CPU device of one thread; the kernel is the one that renders.
 //!
-//! * **Truth.** Exact counts of every task, from the layout that traces. Seconds of every task, one task per launch, thread
-//!   time, the median of several passes. The task time's own repeatability stands beside: the same error measure between
-//!   the medians of the even and of the odd passes.
-//! * **Errors** per task after one common scale, against counts and against seconds. Seconds are predicted by prices fitted
-//!   on the other half of the tasks. Averaged over repetitions, each with a seed of its own.
-//! * **Excess** over the lower bound of a hybrid queue on m virtual devices, estimation included, replayed with task times of
-//!   passes that no price was fitted to; `uniform` is the queue that knows nothing.
-//! * **Net overhead** = (estimate + remaining trace − plain trace of all rays) / plain trace, hits of full walks kept, each
-//!   repetition right after a plain trace of its own. From the processor time of the process, so that other programs count
-//!   little; the wall's is in the JSON.
+//! * **Truth.** Exact counts of every task, from the layout that traces. Seconds of every task, one task per launch,
+//!   thread time, the median of several passes. The task time's own repeatability stands beside: the same error measure
+//!   between the medians of the even and of the odd passes.
+//! * **Errors** per task after one common scale, against counts and against seconds. Seconds are predicted by prices
+//!   fitted on the other half of the tasks. Averaged over repetitions, each with a seed of its own.
+//! * **Excess** over the lower bound of a hybrid queue on m virtual devices, estimation included, replayed with task
+//!   times of passes that no price was fitted to; `uniform` is the queue that knows nothing.
+//! * **Net overhead** = (estimate + remaining trace − plain trace of all rays) / plain trace, hits of full walks kept,
+//!   each repetition right after a plain trace of its own. From the processor time of the process, so that other
+//!   programs count little; the wall's is in the JSON.
 #![forbid(unsafe_code)]
 
 mod measure;

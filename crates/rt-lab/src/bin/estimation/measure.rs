@@ -50,8 +50,8 @@ const LAUNCH_S: f64 = 1e-5;
 
 /// Excess of a hybrid queue on [`MACHINES`] that is started by `walked`, or knows nothing if that made no samples.
 ///
-/// Prices are fitted to the even passes and to other tasks than those they predict; the virtual devices take as long as in
-/// the odd passes.
+/// Prices are fitted to the even passes and to other tasks than those they predict; the virtual devices take as long as
+/// in the odd passes.
 fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len()] {
     let [fitted, task_s] = &truth.halves;
     let kept = |task: &Task| walked.mask.as_ref().map_or(0, |mask| mask.count_in(task.range()));

@@ -46,15 +46,15 @@ pub(super) struct Row {
     pub(super) layout: &'static str,
     /// Bytes of the layout's nodes, the triangles and their ids, for each triangle.
     pub(super) bytes_per_triangle: f64,
-    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which tests
-    /// are counted.
+    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which
+    /// tests are counted.
     pub(super) held_bytes_per_triangle: f64,
     /// Box tests of a ray on average; a two-wide node has two, an eight-wide one eight, whatever is in its slots.
     pub(super) box_tests: f64,
     /// Triangle tests of a ray.
     pub(super) triangle_tests: f64,
-    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits over one of
-    /// the trees only.
+    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits
+    /// over one of the trees only.
     pub(super) differing: usize,
     /// Million rays per second in kernels.
     pub(super) mray_s: Summary,
@@ -165,7 +165,8 @@ fn trace(
     Ok(())
 }
 
-/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the layout.
+/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the
+/// layout.
 fn differing(query: Query, [two, wide]: &[Vec<Hit>; 2]) -> usize {
     let bits = |hit: &Hit| match query {
         Query::Closest => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive],

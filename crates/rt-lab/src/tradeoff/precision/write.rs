@@ -99,7 +99,8 @@ fn ppm(ppm: f64) -> String {
     }
 }
 
-/// One Markdown table: what `fast` gets wrong, how exact distances are, and what robustness costs, a line for each stream.
+/// One Markdown table: what `fast` gets wrong, how exact distances are, and what robustness costs, a line for each
+/// stream.
 pub(super) fn markdown(file: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         file,

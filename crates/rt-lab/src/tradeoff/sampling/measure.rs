@@ -53,8 +53,8 @@ pub(super) struct Cell {
     pub(super) estimator: String,
     /// `strided` or `random`; `None` without samples.
     pub(super) sampler: Option<&'static str>,
-    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget as a
-    /// share of the trace; 0 without an estimator.
+    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget
+    /// as a share of the trace; 0 without an estimator.
     pub(super) fraction: f64,
     /// Seed of each round's samples.
     pub(super) seeds: Vec<u32>,
@@ -91,8 +91,8 @@ const fn swept(quick: bool) -> (&'static [f64], &'static [u32]) {
     if quick { (&QUICK_FRACTIONS, &QUICK_TASK_SIZES) } else { (&FRACTIONS, &TASK_SIZES) }
 }
 
-/// How often a round traces the rays of a picture: for each kind of rays and task size every setting and the plain run beside it, and
-/// once more each task alone.
+/// How often a round traces the rays of a picture: for each kind of rays and task size every setting and the plain run
+/// beside it, and once more each task alone.
 pub(super) fn passes(quick: bool) -> f64 {
     let (fractions, task_sizes) = swept(quick);
     let all: Vec<Kind> = kinds().collect();

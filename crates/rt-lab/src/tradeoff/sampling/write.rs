@@ -10,8 +10,8 @@ use rt_report::html::Page;
 use rt_report::table::{Table, grouped};
 use std::fmt::Write as _;
 
-/// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares. 12.5%
-/// of the first row would be more than the second: each is as they measured it.
+/// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares.
+/// 12.5% of the first row would be more than the second: each is as they measured it.
 const PAPER_RATIO: [f64; 2] = [0.425, 0.435];
 const PAPER_OVERHEAD: [f64; 2] = [0.032, 0.041];
 const PAPER_ERROR: [f64; 2] = [0.032, 0.041];
