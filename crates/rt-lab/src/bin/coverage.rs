@@ -113,6 +113,7 @@ fn main() -> ExitCode {
 }
 
 fn run(options: &Options) -> Result<()> {
+    let cases = cases(options)?;
     // No device: rays are counted by the library.
     let provenance = Provenance::now(options.seed, [format!("{} threads", rayon::current_num_threads())]);
     writeln!(Stdout, "{provenance}")?;
@@ -122,7 +123,6 @@ fn run(options: &Options) -> Result<()> {
          error % | p95 % | host ms |"
     )?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|---|---|---|---|---|")?;
-    let cases = cases(options)?;
     for name in &options.scenes {
         let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
@@ -284,8 +284,13 @@ impl Outcome {
     }
 }
 
+/// A number; a dash where nothing was tried.
+fn known(value: f64) -> String {
+    if value.is_finite() { format!("{value:.1}") } else { "–".to_owned() }
+}
+
 fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) -> io::Result<()> {
-    let percent = |[trials, hold]: [u64; 2]| 100.0 * hold as f64 / trials as f64;
+    let percent = |[trials, hold]: [u64; 2]| known(100.0 * hold as f64 / trials as f64);
     let differs: Vec<bool> = stream.tasks.iter().map(|task| stream.differs(task, case.walk)).collect();
     let sum = |wanted: &dyn Fn(usize) -> bool| {
         let some = outcome.trials.iter().enumerate().filter(|(i, _)| wanted(*i));
@@ -302,14 +307,14 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) -> io:
     let runs = (outcome.trials.iter().map(|[trials, _]| *trials).max().unwrap_or(0)).max(1);
     writeln!(
         Stdout,
-        "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} | {:.2} | {:.1} | {:.2} |",
+        "| {scene} | {} | {} | {:.1} | {} | {} | {} | {poor} of {tasks} | {} | {:.2} | {:.1} | {:.2} |",
         stream.kind,
         case.name,
         estimates / f64::from(runs),
         all[0],
         percent(all),
         percent(differing),
-        100.0 * width,
+        known(f64::from(100.0 * width)),
         100.0 * mean(0),
         100.0 * mean(1),
         1e3 * median(&outcome.host_s)
