@@ -222,6 +222,8 @@ pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
         degenerate: build.dropped_degenerate as usize,
         invalid: build.dropped_invalid as usize,
         builder: build.builder.to_string(),
+        fallback: build.fallback.map(|reason| reason.to_string()),
+        build_threads: build.threads,
         precision: prepared.precision.name(),
         bvh_bytes: scene.bytes(),
         plan: prepared.plan.clone(),
@@ -232,13 +234,18 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     let scene = &report.scene;
     writeln!(
         Stdout,
-        "{}: {} triangles, tree of {:.1} MB by {}, {} precision",
+        "{}: {} triangles, tree of {:.1} MB by {} (threads: {}, million triangles/s: {:.2}), {} precision",
         scene.source,
         table::grouped(scene.triangles as u64),
         scene.bvh_bytes as f64 / 1e6,
         scene.builder,
+        scene.build_threads,
+        scene.triangles as f64 / report.seconds.build.max(1e-9) / 1e6,
         scene.precision
     )?;
+    if let Some(reason) = &scene.fallback {
+        writeln!(Stdout, "  not by the builder asked for: {reason}")?;
+    }
     for reason in &scene.plan.reasons {
         writeln!(Stdout, "  {reason}")?;
     }

@@ -42,6 +42,10 @@ pub struct SceneReport {
     pub invalid: usize,
     /// Name of the builder of its tree.
     pub builder: String,
+    /// Why that is not the one asked for, if it is not.
+    pub fallback: Option<String>,
+    /// Threads there were to build it.
+    pub build_threads: usize,
     /// How triangles are tested.
     pub precision: &'static str,
     /// Bytes of nodes, triangles and ids.
