@@ -235,19 +235,14 @@ fn the_vulkan_backend_links_no_wgpu() {
     assert!(has("backend-wgpu", "wgpu"));
 }
 
-/// Every source file below a folder.
-fn sources(folder: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder).expect("a folder of sources").map(|entry| entry.expect("readable").path());
-    let of = |path: PathBuf| if path.is_dir() { sources(&path) } else { vec![path] };
-    entries.flat_map(of).filter(|path| path.extension().is_some_and(|kind| kind == "rs")).collect()
-}
-
 /// What measures chooses estimators, policies and queues from the catalogue, and reads the driver's clock. Fails when
 /// an experiment makes one by itself: that is how second lists begin.
 #[test]
 fn measuring_code_has_no_list_of_its_own() {
-    for file in ["crates/rt-lab/src", "crates/rt-cli/src", "xtask/src"].iter().flat_map(|f| sources(&root().join(f))) {
-        let text = fs::read_to_string(&file).expect("a source file");
+    for file in
+        ["crates/rt-lab/src", "crates/rt-cli/src", "xtask/src"].iter().flat_map(|f| files(&root().join(f), &[".rs"]))
+    {
+        let text = read(&file);
         for line in text.lines() {
             for module in ["estimate", "policy", "queue"] {
                 let named = line.split_once(&format!("rt_sched::{module}::")).map(|(_, name)| name);

@@ -169,14 +169,14 @@ fn run(arguments: &Arguments) -> Result<()> {
     missing.iter().for_each(|reason| note(format_args!("left out: {reason}")));
     contenders.retain(|c| arguments.only.as_ref().is_none_or(|word| c.name.contains(word.as_str())));
     let reports = contenders.iter().map(|c| examine(arguments, &c.name)).collect::<Result<Vec<_>, _>>()?;
-    let tables = tables(&arguments.options, &reports)?;
+    let provenance = Provenance::now(arguments.options.seed, reports.iter().map(|report| report.name.clone()));
+    let tables = format!("{provenance}\n{}", tables(&arguments.options, &reports)?);
     match &arguments.markdown {
         Some(path) => replace(path, &tables)?,
         None => write!(Stdout, "{tables}")?,
     }
     if let Some(path) = &arguments.json {
         let options = &arguments.options;
-        let provenance = Provenance::now(options.seed, reports.iter().map(|report| report.name.clone()));
         let all = json!({
             "schema": 2, "provenance": provenance, "extent": options.extent.name(),
             "rays": options.rays, "builder": options.builder.to_string(), "tracers": reports,
