@@ -1,5 +1,5 @@
 //! A builder of one's own: triangles are sorted along the axes in turn and halved. A balancer takes any tree that
-//! `Scene::new` finds sound, and hits do not depend on which; with the feature `ploc` there is PLOC beside the default.
+//! `Scene::new` finds sound, and hits do not depend on which; `Builder` has those that come with it.
 //!
 //! `cargo run --release -p rt-balance --example builder`
 

@@ -1,6 +1,7 @@
 //! What the benchmarks share: scenes with cameras, and options.
 #![forbid(unsafe_code)]
 
+pub mod large;
 pub mod options;
 
 use rt_bvh::Builder;

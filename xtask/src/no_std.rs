@@ -24,9 +24,9 @@ pub(crate) fn prove() -> Result<()> {
     negative_control()
 }
 
-/// With obvhs, which uses std, the same program must not compile; otherwise the proof proves nothing.
+/// With rayon, which uses std, the same program must not compile; otherwise the proof proves nothing.
 fn negative_control() -> Result<()> {
-    let mut check = cargo(&format!("check --color never --features obvhs {MANIFEST}"));
+    let mut check = cargo(&format!("check --color never --features parallel {MANIFEST}"));
     say(format_args!("$ {} (must fail with E0152)", shown(&check)));
     let output = check.output().context("cannot start cargo")?;
     let messages = String::from_utf8_lossy(&output.stderr);

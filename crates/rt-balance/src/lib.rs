@@ -23,9 +23,9 @@
 //! ```
 //!
 //! Features: each of `cpu` (default), `vulkan` and `wgpu` adds one re-export of a backend and nothing else. Any other
-//! backend that implements [`Device`] and [`Tracer`] can be used beside them; the crate `rt-conformance` tests it.
-//! `ploc` adds a tree builder ([`Builder`]). What the seams speak in is re-exported, [`glam`] too, so that estimators,
-//! policies, builders and backends of one's own need this crate alone: the folder `examples` has one of each.
+//! backend that implements [`Device`] and [`Tracer`] can be used beside them; the crate `rt-conformance` tests it. What
+//! the seams speak in is re-exported, [`glam`] too, so that estimators, policies, builders and backends of one's own
+//! need this crate alone: the folder `examples` has one of each.
 //!
 //! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
 //! stream; a stream has at most 2³² − 1 rays.
@@ -80,9 +80,10 @@ pub use backend_wgpu as wgpu;
 
 // Whatever a signature above or a part of a caller's own may name, so that this crate is the only dependency they need.
 pub use glam;
-#[cfg(feature = "ploc")]
-pub use rt_bvh::PlocQuality;
-pub use rt_bvh::{BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, build};
+pub use rt_bvh::{
+    BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, PlocQuality, build,
+    build_with,
+};
 pub use rt_core::{
     Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
     Counted, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, MAX_DEPTH, Node,

@@ -41,9 +41,7 @@ use rt_core::scale;
 
 pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
 pub use build::{BuildError, BuildReport, Built, Fallback, build, build_with};
-#[cfg(feature = "obvhs")]
-pub use options::PlocQuality;
-pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
+pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, UnknownBuilder};
 pub use stats::TreeStats;
 #[cfg(target_arch = "x86_64")]
 pub use trace::walk_packets_avx2;

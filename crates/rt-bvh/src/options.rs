@@ -20,16 +20,14 @@ pub enum Builder {
     /// Top-down by the surface area heuristic over binned centroids; part of this crate.
     #[default]
     Sah,
-    /// Bottom-up locally ordered clustering and reinsertion, by the crate `obvhs`.
-    #[cfg(feature = "obvhs")]
+    /// Bottom-up locally ordered clustering and reinsertion.
     Ploc(PlocQuality),
 }
 
-/// The presets of the crate `obvhs`, from the fastest build to the fastest tree.
+/// How much is spent on clustering: the presets of the crate `obvhs` 0.4, from the fastest build to the fastest tree.
 ///
 /// Its two slowest presets also split large triangles in space; that part is left out, since a triangle is in one leaf
 /// only here.
-#[cfg(feature = "obvhs")]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum PlocQuality {
     /// `fastest_build`: one triangle per leaf, no reinsertion.
@@ -51,17 +49,11 @@ impl Builder {
     /// Every builder this build of the crate has, the default one first.
     pub const ALL: &'static [Self] = &[
         Self::Sah,
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::Fastest),
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::VeryFast),
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::Fast),
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::Medium),
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::Slow),
-        #[cfg(feature = "obvhs")]
         Self::Ploc(PlocQuality::VerySlow),
     ];
 
@@ -70,7 +62,6 @@ impl Builder {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Sah => "sah",
-            #[cfg(feature = "obvhs")]
             Self::Ploc(quality) => match quality {
                 PlocQuality::Fastest => "ploc-fastest",
                 PlocQuality::VeryFast => "ploc-very-fast",
@@ -107,7 +98,7 @@ impl fmt::Display for UnknownBuilder {
         for (i, builder) in Builder::ALL.iter().enumerate() {
             write!(f, "{} {builder}", if i == 0 { "" } else { "," })?;
         }
-        if cfg!(feature = "obvhs") { Ok(()) } else { write!(f, " (others need the feature `obvhs`)") }
+        Ok(())
     }
 }
 

@@ -70,7 +70,9 @@ impl<'a, 'b> Meter<'a, 'b> {
     /// So much is done.
     #[inline]
     pub(crate) fn at(&mut self, done: u64) -> Result<(), Stopped> {
-        if done < self.next { Ok(()) } else { self.tell(done) }
+        // Builders may begin again.
+        let again = done + self.stage.step() < self.next;
+        if done < self.next && !again { Ok(()) } else { self.tell(done) }
     }
 
     #[cold]

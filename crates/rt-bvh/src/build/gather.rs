@@ -7,7 +7,8 @@
 //! coordinates are single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case.
 //! Builders, which need not be exact, see all boxes in the first unit, where no area overflows.
 
-use super::{BuildError, reserved};
+use super::parallel::each;
+use super::{BuildError, reserved, zeroed};
 use crate::scale::{exponent, lowest_bit, pow2, scaled};
 use crate::{InvalidTriangles, Mesh};
 use alloc::vec::Vec;
@@ -54,58 +55,139 @@ impl Reference {
         let words: &[f32; 8] = bytemuck::cast_ref(self);
         [Vec4::from_slice(&words[0..4]), Vec4::from_slice(&words[2..6]).yzwx()]
     }
+}
 
-    #[cfg(feature = "obvhs")]
-    pub(super) fn bounds(&self) -> Aabb {
-        Aabb { min: self.min, max: self.max }
+/// Triangles that a thread looks at, at a time.
+const CHUNK: usize = 1 << 13;
+
+/// What some triangles of a mesh are like.
+#[derive(Clone, Copy)]
+struct Census {
+    kept: usize,
+    degenerate: u32,
+    invalid: u32,
+    first_invalid: Option<u32>,
+    /// Of the coordinates of those kept, along each axis: the largest magnitude, and the least but 0.
+    largest: Vec3,
+    least: Vec3,
+}
+
+impl Census {
+    const NOTHING: Self =
+        Self { kept: 0, degenerate: 0, invalid: 0, first_invalid: None, largest: Vec3::ZERO, least: Vec3::MAX };
+
+    /// Of triangles from the one with number `first` on.
+    fn take(positions: &[Vec3], first: u32, triangles: &[[u32; 3]]) -> Result<Self, BuildError> {
+        let mut census = Self::NOTHING;
+        for (id, indices) in (first..).zip(triangles) {
+            if let Some(&index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
+                return Err(BuildError::IndexOutOfRange { triangle: id, index, vertices: positions.len() });
+            }
+            let triangle = corners(positions, indices);
+            if !triangle.is_finite() {
+                census.first_invalid.get_or_insert(id);
+                census.invalid += 1;
+            } else if !has_area(&triangle) {
+                census.degenerate += 1;
+            } else {
+                for size in triangle.vertices().map(Vec3::abs) {
+                    census.largest = census.largest.max(size);
+                    census.least = census.least.min(Vec3::select(size.cmpeq(Vec3::ZERO), Vec3::MAX, size));
+                }
+                census.kept += 1;
+            }
+        }
+        Ok(census)
+    }
+
+    /// Of these triangles and some behind them.
+    fn with(self, other: &Self) -> Self {
+        Self {
+            kept: self.kept + other.kept,
+            degenerate: self.degenerate + other.degenerate,
+            invalid: self.invalid + other.invalid,
+            first_invalid: self.first_invalid.or(other.first_invalid),
+            largest: self.largest.max(other.largest),
+            least: self.least.min(other.least),
+        }
+    }
+}
+
+/// A triangle whose indices are in range.
+#[inline]
+fn corners(positions: &[Vec3], indices: &[u32; 3]) -> Triangle {
+    let [a, b, c] = indices.map(|index| positions[index as usize]);
+    Triangle::new(a, b, c)
+}
+
+/// Whether rays can hit a triangle.
+#[inline]
+fn is_kept(triangle: &Triangle) -> bool {
+    triangle.is_finite() && has_area(triangle)
+}
+
+/// Some triangles, and where those that are kept belong.
+struct Part<'a> {
+    first: u32,
+    indices: &'a [[u32; 3]],
+    /// How many are kept of all in front.
+    before: u32,
+    triangles: &'a mut [Triangle],
+    primitives: &'a mut [u32],
+    references: &'a mut [Reference],
+}
+
+impl Part<'_> {
+    fn fill(self, positions: &[Vec3], normal_exponent: i32, scale_exponent: i32) {
+        let normalised = |triangle: &Triangle, exponent: i32| {
+            let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
+            Triangle::new(a, b, c)
+        };
+        let all = self.triangles.len() == self.indices.len();
+        let given = (self.first..).zip(self.indices).map(|(id, indices)| (id, corners(positions, indices)));
+        let kept = given.filter(|(_, triangle)| all || is_kept(triangle));
+        let places = self.triangles.iter_mut().zip(self.primitives).zip(self.references);
+        for ((position, (id, triangle)), ((place, primitive), reference)) in (self.before..).zip(kept).zip(places) {
+            *place = normalised(&triangle, scale_exponent);
+            *primitive = id;
+            let seen = if scale_exponent == normal_exponent { *place } else { normalised(&triangle, normal_exponent) };
+            *reference = Reference::new(seen.bounds(), position);
+        }
     }
 }
 
 pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gathered, BuildError> {
-    let count = mesh.indices.len();
+    let Mesh { positions, indices } = mesh;
+    let count = indices.len();
     let primitive_count = u32::try_from(count).map_err(|_| BuildError::TooManyTriangles { triangles: count })?;
-    let mut triangles = reserved(count, "the triangles")?;
-    let mut primitives = reserved(count, "the ids of triangles")?;
-    let (mut dropped_degenerate, mut dropped_invalid, mut first_invalid) = (0, 0, None);
-    let (mut largest, mut least) = (Vec3::ZERO, Vec3::MAX);
-    for (id, indices) in (0..primitive_count).zip(mesh.indices) {
-        let vertex = |index: u32| {
-            let vertices = mesh.positions.len();
-            mesh.positions.get(index as usize).copied().ok_or(BuildError::IndexOutOfRange {
-                triangle: id,
-                index,
-                vertices,
-            })
-        };
-        let triangle = Triangle::new(vertex(indices[0])?, vertex(indices[1])?, vertex(indices[2])?);
-        if !triangle.is_finite() {
-            first_invalid.get_or_insert(id);
-            dropped_invalid += 1;
-        } else if !has_area(&triangle) {
-            dropped_degenerate += 1;
-        } else {
-            for size in triangle.vertices().map(Vec3::abs) {
-                largest = largest.max(size);
-                least = least.min(Vec3::select(size.cmpeq(Vec3::ZERO), Vec3::MAX, size));
-            }
-            triangles.push(triangle);
-            primitives.push(id);
-        }
+    let chunks = || (0..primitive_count).step_by(CHUNK).zip(indices.chunks(CHUNK));
+    let counted = each(chunks().collect(), |(first, indices)| Census::take(positions, first, indices));
+    let parts = counted.into_iter().collect::<Result<Vec<Census>, _>>()?;
+    let all = parts.iter().fold(Census::NOTHING, Census::with);
+    if let (InvalidTriangles::Refuse, Some(first)) = (invalid, all.first_invalid) {
+        return Err(BuildError::NotFinite { first, triangles: all.invalid });
     }
-    if let (InvalidTriangles::Refuse, Some(first)) = (invalid, first_invalid) {
-        return Err(BuildError::NotFinite { first, triangles: dropped_invalid });
+    let normal_exponent = exponent(all.largest.max_element());
+    let kept = || indices.iter().map(|indices| corners(positions, indices)).filter(is_kept);
+    let scale_exponent = lossless_exponent(normal_exponent, all.least.min_element(), kept);
+
+    let mut triangles = zeroed(all.kept, "the triangles")?;
+    let mut primitives = zeroed(all.kept, "the ids of triangles")?;
+    let mut references = zeroed(all.kept, "the boxes of triangles")?;
+    let mut rests = (&mut triangles[..], &mut primitives[..], &mut references[..]);
+    let mut before = 0;
+    let mut jobs = reserved(parts.len(), "the parts of the mesh")?;
+    for ((first, indices), Census { kept, .. }) in chunks().zip(parts) {
+        let (triangles, rest) = rests.0.split_at_mut(kept);
+        rests.0 = rest;
+        let (primitives, rest) = rests.1.split_at_mut(kept);
+        rests.1 = rest;
+        let (references, rest) = rests.2.split_at_mut(kept);
+        rests.2 = rest;
+        jobs.push(Part { first, indices, before, triangles, primitives, references });
+        before += kept as u32;
     }
-    let normal_exponent = exponent(largest.max_element());
-    let scale_exponent = lossless_exponent(normal_exponent, least.min_element(), &triangles);
-    let normalised = |triangle: &Triangle, exponent: i32| {
-        let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
-        Triangle::new(a, b, c)
-    };
-    let mut references = reserved(triangles.len(), "the boxes of triangles")?;
-    for (position, triangle) in (0..).zip(&mut triangles) {
-        references.push(Reference::new(normalised(triangle, normal_exponent).bounds(), position));
-        *triangle = normalised(triangle, scale_exponent);
-    }
+    each(jobs, |part| part.fill(positions, normal_exponent, scale_exponent));
     Ok(Gathered {
         triangles,
         primitives,
@@ -113,21 +195,22 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
         scale_exponent,
         exact_references: scale_exponent == normal_exponent,
         primitive_count,
-        dropped_degenerate,
-        dropped_invalid,
+        dropped_degenerate: all.degenerate,
+        dropped_invalid: all.invalid,
     })
 }
 
 /// The exponent nearest to `normal`, which brings the largest coordinate below 1, that loses no bit of any coordinate;
 /// `least` is the smallest magnitude but zero.
-fn lossless_exponent(normal: i32, least: f32, triangles: &[Triangle]) -> i32 {
+fn lossless_exponent<T: Iterator<Item = Triangle>>(normal: i32, least: f32, triangles: impl FnOnce() -> T) -> i32 {
     // Exponent of the least normal number as `exponent` counts, and of the least number.
     const NORMAL: i32 = -125;
     const LEAST: i32 = -149;
     if exponent(least) - normal >= NORMAL {
         return normal;
     }
-    let coordinates = triangles.iter().flat_map(Triangle::vertices).flat_map(|p| p.to_array()).filter(|&x| x != 0.0);
+    let vertices = triangles().flat_map(|triangle| triangle.vertices());
+    let coordinates = vertices.flat_map(|p| p.to_array()).filter(|&x| x != 0.0);
     let lowest = coordinates.map(lowest_bit).min().unwrap_or(0);
     normal.min(lowest - LEAST)
 }

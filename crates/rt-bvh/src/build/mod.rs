@@ -1,17 +1,22 @@
 //! From a mesh to a checked [`Scene`]: gathering, normalising, building, and what came of it.
 
+mod bounds;
+mod draft;
 mod gather;
-#[cfg(feature = "obvhs")]
+mod parallel;
 mod ploc;
+mod reinsert;
 mod sah;
 
 use crate::{BuildOptions, Builder, Mesh};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use bytemuck::Zeroable;
+use bytemuck::allocation::try_zeroed_vec;
 use core::fmt;
-use gather::Gathered;
-#[cfg(feature = "obvhs")]
-use rt_core::MAX_DEPTH;
+use core::mem::take;
+use gather::{Gathered, Reference};
+use parallel::each;
 use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 
 /// Builds a scene from `mesh`.
@@ -26,8 +31,8 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
     build_with(mesh, options, &mut |_, _| true)
 }
 
-/// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are,
-/// and says whether to go on. What the crate `obvhs` does is asked about between its steps only.
+/// [`build`], with a word in between: `proceed` is told how much is done and how much there is, in triangles, and says
+/// whether to go on. Where one builder gives up and another does its work, it begins at 0 again.
 ///
 /// # Errors
 /// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.
@@ -37,12 +42,15 @@ pub fn build_with(
     proceed: &mut dyn FnMut(u32, u32) -> bool,
 ) -> Result<Built, BuildError> {
     let _environment = rt_fenv::Environment::enter();
-    let gathered = gather::gather(mesh, options.invalid)?;
-    let mut control = Control { proceed, placed: 0, told: 0, all: gathered.references.len() as u32 };
-    let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;
+    let mut gathered = gather::gather(mesh, options.invalid)?;
+    let references = take(&mut gathered.references);
+    let mut control = Control { proceed, done: 0, all: references.len() as u32, steps: 0, asked: 0 };
+    let (tree, builder, fallback) = grow(references, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
         fallback,
+        steps: control.steps,
+        threads: parallel::threads(),
         triangles: gathered.primitive_count,
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
@@ -50,30 +58,43 @@ pub fn build_with(
     Ok(Built { scene: Arc::new(finish(&gathered, tree)?), report })
 }
 
-/// Whoever wants to know how far a tree is built, and may stop it.
+/// Whoever wants to know how far a tree is built, and may stop it; and what it cost so far.
 struct Control<'a> {
     proceed: &'a mut dyn FnMut(u32, u32) -> bool,
-    placed: u32,
-    /// Triangles that were in place when `proceed` was last asked.
-    told: u32,
+    done: u32,
     all: u32,
+    steps: u64,
+    /// Steps after which `proceed` was asked last.
+    asked: u64,
 }
 
-/// Triangles placed between two words: a few milliseconds.
-const WORD: u32 = 1 << 13;
+/// Steps between two words: some tenths of a millisecond.
+const WORD: u64 = 1 << 14;
 
 impl Control<'_> {
-    fn placed(&mut self, triangles: u32) -> Result<(), BuildError> {
-        self.placed += triangles;
-        if self.placed - self.told < WORD {
+    /// So many more steps were taken.
+    fn worked(&mut self, steps: u64) -> Result<(), BuildError> {
+        self.steps += steps;
+        if self.steps - self.asked < WORD {
             return Ok(());
         }
-        self.ask()
+        self.asked = self.steps;
+        if (self.proceed)(self.done, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
     }
 
-    fn ask(&mut self) -> Result<(), BuildError> {
-        self.told = self.placed;
-        if (self.proceed)(self.placed, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
+    /// So many more triangles are in their place.
+    fn placed(&mut self, triangles: u32) {
+        self.done += triangles;
+    }
+
+    /// So much of everything is done.
+    fn reached(&mut self, part: f32) {
+        self.done = (self.all as f32 * part) as u32;
+    }
+
+    /// Nothing is done any more.
+    fn restart(&mut self) {
+        self.done = 0;
     }
 }
 
@@ -83,44 +104,44 @@ fn reserve<T>(vector: &mut Vec<T>, more: usize, what: &'static str) -> Result<()
     vector.try_reserve(more).map_err(|_| BuildError::OutOfMemory { what, bytes })
 }
 
+/// Room for so many entries.
 fn reserved<T>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
     let mut vector = Vec::new();
     reserve(&mut vector, count, what)?;
     Ok(vector)
 }
 
-/// Builds with `builder` or, where that refuses, with [`Builder::Sah`]; says which and why.
+/// `count` times `value`.
+fn filled<T: Clone>(value: T, count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
+    let mut vector = reserved(count, what)?;
+    vector.resize(count, value);
+    Ok(vector)
+}
+
+/// Zeros, which cost nothing until they are written to.
+fn zeroed<T: Zeroable>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
+    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
+    try_zeroed_vec(count).map_err(|()| BuildError::OutOfMemory { what, bytes })
+}
+
+/// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
 fn grow(
-    gathered: &Gathered,
+    references: Vec<Reference>,
     builder: Builder,
     max_leaf: u32,
     control: &mut Control<'_>,
 ) -> Result<(Tree, Builder, Option<Fallback>), BuildError> {
-    let references = &gathered.references;
     let fallback = match builder {
         Builder::Sah => None,
-        #[cfg(feature = "obvhs")]
-        Builder::Ploc(quality) => match ploc::build(references, quality, max_leaf, control)? {
-            Ok(tree) if depth_of(&tree.nodes) <= MAX_DEPTH => return Ok((tree, builder, None)),
-            Ok(_) => Some(Fallback::TooDeep),
-            Err(reason) => Some(reason),
-        },
+        Builder::Ploc(quality) => {
+            if let Some(tree) = ploc::build(&references, quality, max_leaf, control)? {
+                return Ok((tree, builder, None));
+            }
+            control.restart();
+            Some(Fallback::TooDeep)
+        }
     };
     Ok((sah::build(references, max_leaf, control)?, Builder::Sah, fallback))
-}
-
-/// Most inner nodes on a path from the root; children come after their parents.
-#[cfg(feature = "obvhs")]
-fn depth_of(nodes: &[Node]) -> u32 {
-    let mut depths = alloc::vec![1_u32; nodes.len()];
-    for (index, node) in nodes.iter().enumerate() {
-        for side in 0..2 {
-            if let Child::Inner(child) = node.child(side) {
-                depths[child as usize] = depths[index] + 1;
-            }
-        }
-    }
-    depths.into_iter().max().unwrap_or(0)
 }
 
 /// What a builder makes of references: nodes with their boxes, and the references' positions in leaf order.
@@ -129,6 +150,15 @@ struct Tree {
     order: Vec<u32>,
 }
 
+impl Tree {
+    fn empty() -> Self {
+        Self { nodes: alloc::vec![Node::EMPTY], order: Vec::new() }
+    }
+}
+
+/// Triangles that a thread puts in order at a time.
+const CHUNK: usize = 1 << 13;
+
 /// Puts triangles and ids in leaf order, and has the scene check everything.
 fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     let Gathered { triangles, primitives, .. } = gathered;
@@ -136,10 +166,14 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     if !gathered.exact_references {
         fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
     }
-    let mut in_order = reserved(order.len(), "the triangles in the tree's order")?;
-    in_order.extend(order.iter().map(|&i| triangles[i as usize]));
-    let mut ids = reserved(order.len(), "the ids of triangles")?;
-    ids.extend(order.iter().map(|&i| primitives[i as usize]));
+    let mut in_order = zeroed(order.len(), "the triangles in the tree's order")?;
+    let mut ids = zeroed(order.len(), "the ids of triangles")?;
+    let places = in_order.chunks_mut(CHUNK).zip(ids.chunks_mut(CHUNK)).zip(order.chunks(CHUNK));
+    each(places.collect(), |((in_order, ids), order)| {
+        for ((triangle, id), &i) in in_order.iter_mut().zip(ids).zip(order) {
+            (*triangle, *id) = (triangles[i as usize], primitives[i as usize]);
+        }
+    });
     Scene::new(SceneParts {
         nodes,
         triangles: in_order,
@@ -185,6 +219,11 @@ pub struct BuildReport {
     pub builder: Builder,
     /// Why that is not the one asked for; `None` when it is.
     pub fallback: Option<Fallback>,
+    /// Boxes that were binned, compared or visited: what building cost, the same on every machine. It is bounded by a
+    /// multiple of n log n for every mesh.
+    pub steps: u64,
+    /// The threads there were for it.
+    pub threads: usize,
     /// Number of triangles given.
     pub triangles: u32,
     /// Number of triangles left out because they have no area.
@@ -197,10 +236,6 @@ pub struct BuildReport {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Fallback {
-    /// There are fewer than three triangles, where every builder makes the same tree.
-    FewTriangles,
-    /// So many triangles share their centroid that clustering would take quadratic time.
-    EqualCentroids,
     /// The tree came out deeper than a traversal may go.
     TooDeep,
 }
@@ -208,8 +243,6 @@ pub enum Fallback {
 impl fmt::Display for Fallback {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::FewTriangles => "fewer than three triangles",
-            Self::EqualCentroids => "too many triangles with the same centroid",
             Self::TooDeep => "its tree was too deep",
         })
     }
