@@ -3,8 +3,8 @@
 //! `cargo run --release -p rt-benches --bin building -- [SCENE | large:TRIANGLES]... [--builders sah,ploc-medium] [--runs 7]`
 //!
 //! `large:` makes a scene of so many triangles. `RAYON_NUM_THREADS` limits our threads, `taskset` both's. Ours is the
-//! whole call, from a mesh to a checked scene; Embree's makes a device, copies the mesh and commits the scene. Processor
-//! time stands beside wall time, since others on the machine disturb it less.
+//! whole call, from a mesh to a checked scene; Embree's makes a device, copies the mesh and commits the scene.
+//! Processor time stands beside wall time, since others on the machine disturb it less.
 #![forbid(unsafe_code)]
 
 use embree4_sys::{RTCBuildQuality, RTCSceneFlags};

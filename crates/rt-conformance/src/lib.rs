@@ -13,10 +13,10 @@
 //! }
 //! ```
 //!
-//! A case names what it needs ([`Need`]); where the device's own [`Capabilities`](rt_core::Capabilities) lack that, the
-//! case is reported as ignored, with the reason: counts are compared only where they are said to be the scene tree's.
-//! So is every case of a device that is missing, unless the environment variable `RT_REQUIRE` (a list of backends,
-//! separated by commas) names its backend: then they fail.
+//! A case names what it needs ([`Need`]); where the device's own [`Capabilities`] lack that, the case is reported as
+//! ignored, with the reason: counts are compared only where they are said to be the scene tree's. So is every case of a
+//! device that is missing, unless the environment variable `RT_REQUIRE` (a list of backends, separated by commas) names
+//! its backend: then they fail.
 //!
 //! # Current state and limits
 //!

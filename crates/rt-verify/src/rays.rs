@@ -92,8 +92,8 @@ impl<'a> RayMaker<'a> {
         (0..count).map(|i| self.ray(Aim::ALL[i as usize % Aim::ALL.len()], i)).collect()
     }
 
-    /// A random point in the bounds grown by half their extent on all sides; along axes where that is next to nothing, by as much
-    /// as an eighth of the largest, lest all rays on a flat scene run in its plane.
+    /// A random point in the bounds grown by half their extent on all sides; along axes where that is next to nothing,
+    /// by as much as an eighth of the largest, lest all rays on a flat scene run in its plane.
     fn around(&self, index: u32, dimension: u32) -> Vec3 {
         let unit = Vec3::from(random::pcg3d([self.seed, index, dimension]).map(random::unit));
         let Aabb { min, max } = self.bounds;
