@@ -109,9 +109,9 @@ pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, 
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
 }
 
-/// By what devices of which nothing is known are assumed to lose more than equal ones: a processor's core beside graphics
-/// cards, where the mean speed is some eight times the slowest ([`blind::unequal`]).
-const UNKNOWN: f64 = 16.0;
+/// By what devices of which nothing is known are assumed to lose more than equal ones: the most that [`blind::unequal`] says of
+/// any.
+const UNKNOWN: f64 = 2.5;
 
 /// What a stream is expected to lose without an estimate, as a share of its makespan.
 pub(crate) fn blind_excess(members: &[Member], queue: &dyn QueueMaker, tasks: usize) -> f64 {
