@@ -33,6 +33,9 @@ const NEIGHBOURS: usize = 16;
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
 const GROWTH: f64 = 0.5;
 
+/// How many devices a thief looks at: with more, a theft takes longer than it gains.
+const VICTIMS: usize = 32;
+
 /// Hybrid queues: each device works through its own list in shrinking launches, and steals when it runs dry.
 ///
 /// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing*
@@ -134,8 +137,7 @@ impl HybridQueue {
 
     /// A device's fair share of all that is in lists.
     fn fair(&self, device: usize) -> f64 {
-        let left: f64 = (0..self.slots.len()).map(|i| self.share(&self.slots.range(i))).sum();
-        left * self.paces.of(device).speed / self.paces.together(&self.ledger).max(f64::MIN_POSITIVE)
+        self.paces.open() * self.paces.of(device).speed / self.paces.together(&self.ledger).max(f64::MIN_POSITIVE)
     }
 
     /// Number of tasks that the next launch takes from the front of `range`, which is not empty.
@@ -158,7 +160,7 @@ impl HybridQueue {
     /// before the victim would have, and the last end of all is not put off.
     fn loot(&self, thief: Found, victim: Found, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
-        let stays = |&i: &usize| {
+        let stays = |i: usize| {
             let thief_end = thief.until + (self.before[end] - self.before[i]) / thief.speed;
             thief_end > victim.until + (self.before[i + 1] - self.before[start]) / victim.speed
         };
@@ -166,32 +168,38 @@ impl HybridQueue {
         let (mut low, mut high) = (start, end);
         while low < high {
             let middle = low.midpoint(high);
-            (low, high) = if stays(&middle) { (middle + 1, high) } else { (low, middle) };
+            (low, high) = if stays(middle) { (middle + 1, high) } else { (low, middle) };
         }
         (end - low) as u32
     }
 
-    /// Takes a share of the tasks of the device that would end last; at least one of any if it `must`.
+    /// Takes a share of the tasks of the device that would end last, among some of those that have any; if it `must`, of all
+    /// devices, and at least one task.
     fn steal(&self, thief: usize, must: bool) -> Option<Range<u32>> {
         let own = self.paces.of(thief);
         loop {
             let mut best: Option<(f64, usize, Range<u32>, u32)> = None;
-            for victim in 0..self.slots.len() {
+            let mut look = |victim: usize| {
                 let range = self.slots.range(victim);
                 if range.is_empty() {
-                    continue;
+                    return self.slots.note_empty(victim);
                 }
                 let lost = self.ledger.is_retired(victim);
                 let found = self.paces.of(victim);
                 let end = if lost { f64::INFINITY } else { found.until + self.share(&range) / found.speed };
                 if best.as_ref().is_some_and(|(latest, ..)| end <= *latest) {
-                    continue;
+                    return;
                 }
                 let count = if lost { range.end - range.start } else { self.loot(own, found, &range) };
                 let count = count.max(u32::from(must));
                 if count > 0 {
                     best = Some((end, victim, range, count));
                 }
+            };
+            if must {
+                (0..self.slots.len()).for_each(&mut look);
+            } else {
+                self.slots.filled(thief).take(VICTIMS).for_each(&mut look);
             }
             let (_, victim, range, count) = best?;
             if let Some(taken) = self.slots.take_back(victim, &range, count) {

@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
 // Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they are.
 use crate::policy::{seconds, total};
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed, Ordering::SeqCst};
+use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
 
 /// Standard deviation of a task's cost about what is known of it, as a share of that: in pictures that we know, where most
 /// tasks are said to cost the same, which means that nothing is known.
@@ -49,6 +49,7 @@ pub(crate) struct Paces {
     shares: Box<[f32]>,
     /// What all shares add up to.
     all: f64,
+    overview: Overview,
     /// Predicted streams per second of all devices.
     predicted: f64,
     /// What time it is at least, as the bits of an `f64` ≥ 0, which are in the order of the numbers.
@@ -93,11 +94,27 @@ pub(crate) struct Found {
     pub(crate) until: f64,
 }
 
-/// All devices together.
-struct Together {
-    speed: f64,
-    /// The greatest speed but for one device.
-    fastest_other: f64,
+/// All devices together, as they were found a moment ago.
+///
+/// They are looked at anew after every [`Overview::OFTEN`]th part of as many calls as there are devices, so that a call takes
+/// the same time however many there are.
+#[derive(Debug)]
+struct Overview {
+    calls: AtomicUsize,
+    /// The sum of all speeds, as the bits of an `f64`, and so the two greatest.
+    speed: AtomicU64,
+    fastest: [AtomicU64; 2],
+    /// Who is fastest.
+    first: AtomicUsize,
+}
+
+impl Overview {
+    const OFTEN: usize = 32;
+
+    fn new() -> Self {
+        let [calls, first] = [0; 2].map(AtomicUsize::new);
+        Self { calls, first, speed: AtomicU64::new(0), fastest: [0; 2].map(AtomicU64::new) }
+    }
 }
 
 fn get(bits: &AtomicU64) -> f64 {
@@ -147,7 +164,19 @@ impl Paces {
         let [now, done, flying, events] = [0, 0, 0, 1].map(AtomicU64::new);
         let predicts = models.iter().any(|model| *model != CostModel::UNIT);
         let predicted = devices.iter().map(|pace| pace.speed).sum();
-        Self { devices, predicted, shares, all, now, done, flying, events, noise: noise(work), predicts }
+        Self {
+            devices,
+            overview: Overview::new(),
+            predicted,
+            shares,
+            all,
+            now,
+            done,
+            flying,
+            events,
+            noise: noise(work),
+            predicts,
+        }
     }
 
     /// Whether costs are known.
@@ -195,6 +224,11 @@ impl Paces {
         least.max(done / self.predicted)
     }
 
+    /// The share of the stream that nobody has begun.
+    pub(crate) fn open(&self) -> f64 {
+        (self.all - share(&self.done) - share(&self.flying)).max(0.0)
+    }
+
     /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
     pub(crate) fn sure(&self, device: usize) -> f64 {
         let done = share(&self.devices[device].done);
@@ -231,19 +265,35 @@ impl Paces {
 
     /// The speed of all devices that are not lost, in streams per second.
     pub(crate) fn together(&self, ledger: &Ledger) -> f64 {
-        self.beside(usize::MAX, ledger).speed
+        self.look(ledger);
+        get(&self.overview.speed)
     }
 
-    fn beside(&self, device: usize, ledger: &Ledger) -> Together {
-        let mut together = Together { speed: 0.0, fastest_other: 0.0 };
-        for other in (0..self.devices.len()).filter(|&other| !ledger.is_retired(other)) {
-            let speed = self.of(other).speed;
-            together.speed += speed;
-            if other != device {
-                together.fastest_other = together.fastest_other.max(speed);
+    /// The greatest speed of the others.
+    fn fastest_other(&self, device: usize) -> f64 {
+        let own = self.overview.first.load(Relaxed) == device;
+        get(&self.overview.fastest[usize::from(own)])
+    }
+
+    fn look(&self, ledger: &Ledger) {
+        let Overview { calls, speed, fastest, first } = &self.overview;
+        if calls.fetch_add(1, Relaxed) % (self.devices.len() / Overview::OFTEN).max(1) != 0 {
+            return;
+        }
+        let (mut sum, mut most, mut second, mut who) = (0.0, 0.0, 0.0, 0);
+        for device in (0..self.devices.len()).filter(|&device| !ledger.is_retired(device)) {
+            let found = self.of(device).speed;
+            sum += found;
+            if found > most {
+                (most, second, who) = (found, most, device);
+            } else if found > second {
+                second = found;
             }
         }
-        together
+        speed.store(f64::to_bits(sum), Relaxed);
+        first.store(who, Relaxed);
+        fastest[0].store(f64::to_bits(most), Relaxed);
+        fastest[1].store(f64::to_bits(second), Relaxed);
     }
 
     /// Whether a device should take anything now, of which the next task would be `next`. A schedule that is to be kept has
@@ -253,22 +303,23 @@ impl Paces {
     /// sooner, even after all else.
     pub(crate) fn may_take(&self, device: usize, next: Option<TaskId>, plan: f64, ledger: &Ledger) -> bool {
         let now = self.now();
-        let (own, together) = (self.of(device), self.beside(device, ledger));
-        let others = together.speed - own.speed;
-        if others <= 0.0 {
+        let (own, together) = (self.of(device), self.together(ledger));
+        let (others, fastest) = (together - own.speed, self.fastest_other(device));
+        // Nobody else is there.
+        if others <= 0.0 || fastest <= 0.0 {
             return true;
         }
         let caution = 1.0 + NEXT * self.noise;
         let left = (self.all - share(&self.done)).max(0.0);
-        let end = plan.max(now + left / together.speed) * (1.0 + ROUNDING);
+        let end = plan.max(now + left / together) * (1.0 + ROUNDING);
         if self.devices[device].flying.load(Relaxed) > 0 && now + caution * (own.until - now) >= end {
             return false;
         }
         let next = caution * next.map_or(self.mean_share(), |task| self.share(task));
         let keeps_plan = own.until + next / own.speed <= plan * (1.0 + ROUNDING);
         keeps_plan
-            || together.fastest_other <= FASTER * own.speed * self.range(device)
-            || caution * (own.until - now) + next / own.speed <= left / others + next / together.fastest_other
+            || fastest <= FASTER * own.speed * self.range(device)
+            || caution * (own.until - now) + next / own.speed <= left / others + next / fastest
     }
 
     /// Whether nothing is in flight, and every device was told to wait: then the one that asks must take what there is, or

@@ -365,6 +365,8 @@ fn strange_calls_are_harmless() {
 }
 
 /// The forms of a launch that the queues are named for.
+///
+/// Mutants: `worthwhile` that is `base`; `first` of the whole stream.
 #[test]
 fn launches_have_the_promised_sizes() {
     let (work, devices) = (works(&[8.0, 1.0, 8.0, 2.0, 8.0, 1.0]), vec![CostModel::UNIT; 2]);
@@ -396,6 +398,12 @@ fn launches_have_the_promised_sizes() {
     assert!((60..=2048 / 12).contains(&most), "half of what is surely finished, then a twelfth of the list: {most}");
     assert_eq!(sizes.last(), Some(&1));
     assert_eq!(sizes.iter().sum::<usize>(), 4096, "in the end all is stolen");
+
+    // Tasks of 10 µs, launches that cost a millisecond.
+    let costly = vec![CostModel::new(1e-3, 1e-5, 0.0, 0.0).expect("valid"); 2];
+    let hybrid = HybridQueue::new(&Block.schedule(&uniform, &costly), &uniform, &costly);
+    assert_eq!(hybrid.pop(0, &mut out), Pop::Launch);
+    assert!((100..=101).contains(&out.len()), "a launch is worth what it costs: {}", out.len());
 }
 
 /// A slow device leaves the last task to a much faster one that lives, and takes it from one that is lost.
