@@ -6,10 +6,11 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::intersect::Shear;
 use rt_balance::{
-    Balancer, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask, RaySource,
-    Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+    Balancer, Capabilities, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
+    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
+use std::io::{Write, stdout};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,7 +25,11 @@ impl BruteForce {
     /// Opens it.
     #[must_use]
     pub fn open() -> Self {
-        Self(DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT))
+        // Counts are its own, since there is no tree, and so there are no reduced walks either. Hits are the defined
+        // ones.
+        let capabilities = Capabilities::UNKNOWN.with_reduced_walks(&[]).with_defined_bits();
+        let info = DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT);
+        Self(info.with_capabilities(capabilities))
     }
 }
 
@@ -169,7 +174,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut hits = vec![Hit::MISS; rays.len()];
     let run = balancer.trace_rays(&rays, &mut hits)?;
     for device in &run.report.devices {
-        println!("{} ({}): {} rays", device.name, device.backend, device.rays);
+        writeln!(stdout(), "{} ({}): {} rays", device.name, device.backend, device.rays)?;
     }
     assert!(hits.iter().all(|hit| hit.t == 0.5 && hit.primitive == 0));
     Ok(())

@@ -6,6 +6,7 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::glam::Vec3;
 use rt_balance::{Aabb, Balancer, Child, Device, Hit, Node, Ray, Scene, SceneError, SceneParts, Triangle};
+use std::io::{Write, stdout};
 use std::sync::Arc;
 
 /// Triangles in a leaf.
@@ -33,7 +34,8 @@ fn halve(triangles: &mut [(Triangle, u32)], first: u32, depth: usize, nodes: &mu
     (bounds, Child::Inner(node as u32))
 }
 
-/// A scene of triangles whose ids are their positions; coordinates should be neither huge nor tiny, since they stay as they are.
+/// A scene of triangles whose ids are their positions; coordinates should be neither huge nor tiny, since they stay as
+/// they are.
 fn build(triangles: &[Triangle]) -> Result<Scene, SceneError> {
     let mut ordered: Vec<(Triangle, u32)> = triangles.iter().copied().zip(0..).collect();
     let mut nodes = Vec::new();
@@ -58,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rays: Vec<Ray> = (0..100_000).map(|i| Ray::new(above(i), Vec3::NEG_Y)).collect();
     let mut hits = vec![Hit::MISS; rays.len()];
     let run = balancer.trace_rays(&rays, &mut hits)?;
-    println!("{} rays over a tree of our own in {:.1} ms", rays.len(), 1e3 * run.report.makespan_s);
+    writeln!(stdout(), "{} rays over a tree of our own in {:.1} ms", rays.len(), 1e3 * run.report.makespan_s)?;
     assert!((0..).zip(&hits).all(|(i, hit): (u32, &Hit)| hit.primitive == i % 128));
     Ok(())
 }

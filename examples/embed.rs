@@ -4,6 +4,7 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::{Balancer, Control, Device, Hit, Ray, RaySource, Scheduling, Stream, StreamKind, StreamSpec};
+use std::io::{Write, stderr, stdout};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -32,16 +33,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut hits = vec![Hit::MISS; rays.len()];
 
     let stop = AtomicBool::new(false);
-    let progress = |done: u64, all: u64| eprint!("\r{:3}%", done * 100 / all);
+    let progress = |done: u64, all: u64| {
+        let _ = write!(stderr(), "\r{:3}%", done * 100 / all);
+    };
     let control = Control { cancel: Some(&stop), progress: Some(&progress) };
     let source = RaySource::Explicit { rays, origins: None };
     let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
     let run = balancer.trace(&stream, &mut Scheduling::default(), &mut hits, None, control)?;
 
     let met = hits.iter().filter(|hit| hit.is_hit()).count();
-    println!("\n{met} of {} rays hit, in {:.1} ms", hits.len(), run.report.makespan_s * 1e3);
+    writeln!(stdout(), "\n{met} of {} rays hit, in {:.1} ms", hits.len(), run.report.makespan_s * 1e3)?;
     for device in &run.report.devices {
-        println!("  {}: {} tasks in {} launches", device.name, device.tasks, device.launches);
+        writeln!(stdout(), "  {}: {} tasks in {} launches", device.name, device.tasks, device.launches)?;
     }
     assert_eq!(met, hits.len(), "the rays start above the floor and point down");
     Ok(())

@@ -5,6 +5,7 @@
 use rt_balance::cpu::CpuDevice;
 use rt_balance::{Balancer, Control, CostEstimator, Device, Hit, Ray, RaySource, Scheduling, Stream, StreamKind};
 use rt_balance::{Observation, RayStream, Step, StreamSpec, Walk, Work};
+use std::io::{Write, stdout};
 use std::sync::Arc;
 
 /// One ray per task, walked in full, so its hit is kept.
@@ -40,12 +41,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut hits = vec![Hit::MISS; 100_000];
     let mut scheduling = Scheduling { estimator: Box::new(MiddleRay), ..Scheduling::default() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
-    println!(
+    writeln!(
+        stdout(),
         "{} sampled {:.2}% of the rays; traced in {:.1} ms",
         run.report.estimate.estimator,
         100.0 * run.report.estimate.fraction,
         1e3 * run.report.makespan_s
-    );
+    )?;
     assert_eq!(run.work.len(), stream.tasks.len());
     Ok(())
 }

@@ -8,6 +8,7 @@ use rt_balance::{
     Balancer, Control, CostModel, Device, Hit, QueueKind, Ray, RaySource, Schedule, Scheduling, Stream, StreamKind,
     StreamSpec, TaskId, Work,
 };
+use std::io::{Write, stdout};
 use std::sync::Arc;
 
 /// The first device gets tasks 0, 1, 3, 4, 6, 7, …
@@ -45,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Scheduling { policy: Some(Box::new(TwoThirds)), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
     for device in &run.report.devices {
-        println!("{}: {} tasks", device.name, device.tasks);
+        writeln!(stdout(), "{}: {} tasks", device.name, device.tasks)?;
     }
     assert_eq!(run.report.devices.iter().map(|device| device.tasks).collect::<Vec<_>>(), [200, 100]);
     Ok(())

@@ -1,5 +1,5 @@
-//! A queue of one's own: two tasks a launch, in whatever order the policy says. It needs an order of the tasks and no more, so
-//! any policy goes with it.
+//! A queue of one's own: two tasks a launch, in whatever order the policy says. It needs an order of the tasks and no
+//! more, so any policy goes with it.
 //!
 //! `cargo run --release -p rt-balance --example queue`
 
@@ -8,6 +8,7 @@ use rt_balance::policies::Block;
 use rt_balance::queues::{Dealt, Needs, Pop, QueueMaker, TaskQueue};
 use rt_balance::{Balancer, Control, Device, Hit, Ray, RaySource, Scheduling, Stream, StreamKind, StreamSpec, TaskId};
 use std::collections::{BTreeMap, VecDeque};
+use std::io::{Write, stdout};
 use std::sync::{Arc, Mutex, PoisonError};
 
 #[derive(Debug)]
@@ -101,7 +102,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut scheduling = Scheduling { queue: Box::new(Pairs), policy: Some(Box::new(Block)), ..Scheduling::default() };
     let run = balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default())?;
     for device in &run.report.devices {
-        println!("{}: {} tasks in {} launches", device.name, device.tasks, device.launches);
+        writeln!(stdout(), "{}: {} tasks in {} launches", device.name, device.tasks, device.launches)?;
         assert!(device.tasks <= 2 * device.launches);
     }
     assert!(hits.iter().all(|hit| hit.primitive == 0));

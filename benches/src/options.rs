@@ -5,7 +5,7 @@ use std::error::Error;
 /// Which scenes, how often, and how large a picture.
 #[derive(Debug)]
 pub struct Options {
-    /// As [`crate::BenchScene::open`] names them.
+    /// As [`crate::open`] names them.
     pub scenes: Vec<String>,
     /// Interleaved runs, at least one.
     pub runs: usize,
@@ -14,8 +14,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// Reads the command line; the picture is of `size` where it says nothing. `own` is shown each other option with what
-    /// gives its value, and says whether it knows it.
+    /// Reads the command line; the picture is of `size` where it says nothing. `own` is shown each other option with
+    /// what gives its value, and says whether it knows it.
     ///
     /// # Errors
     /// When an option is unknown, or its value wrong or missing.

@@ -2,10 +2,10 @@
 
 use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
-use rt_core::intersect::{Shear, round_distance};
+use rt_core::intersect::{Shear, round_distance, shear_axes};
 use rt_core::{
-    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
-    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
+    Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
+    RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Triangle, Walk,
 };
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -64,8 +64,8 @@ pub enum Flaw {
     LosesDetails,
     /// A surface that a ray starts on is not hit.
     SkipsZero,
-    /// Launches never return counts, and there are no walks.
-    CountsNothing,
+    /// Counts, walks, and precisions but the robust one are refused.
+    RefusesExtras,
 }
 
 impl Flaw {
@@ -96,7 +96,7 @@ impl Flaw {
         Self::TrustsRoundings,
         Self::LosesDetails,
         Self::SkipsZero,
-        Self::CountsNothing,
+        Self::RefusesExtras,
     ];
 }
 
@@ -136,9 +136,16 @@ impl FakeDevice {
         Self::new(Some(flaw))
     }
 
+    /// The same device, that says this of itself.
+    #[must_use]
+    pub fn saying(mut self, capabilities: Capabilities) -> Self {
+        self.info = self.info.with_capabilities(capabilities);
+        self
+    }
+
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
-        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree);
+        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
         let info = DeviceInfo::new(name, "fake").with_in_flight(2).with_capabilities(capabilities);
         Self { info, flaw, wide: false }
     }
@@ -249,8 +256,8 @@ impl FakeTracer {
         (hit, counts)
     }
 
-    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its edge
-    /// opposite the first vertex is hit.
+    /// The nearest hit where the third edge function has the wrong sign: instead of a triangle, what lies beyond its
+    /// edge opposite the first vertex is hit.
     fn mirrored(&self, ray: &Ray, origin: u32) -> Hit {
         let shear = Shear::new(ray, self.scene.scale_exponent(), f64::INFINITY);
         self.nearest(ray, origin, |triangle, primitive| {
@@ -260,16 +267,23 @@ impl FakeTracer {
         })
     }
 
-    /// The nearest hit by edge functions in double precision as they come, without a bound on their errors.
+    /// The nearest hit by sheared edge functions in double precision as they come, without a bound on their errors.
     fn roughly(&self, ray: &Ray, origin: u32) -> Hit {
         let scale = 2.0_f64.powi(self.scene.scale_exponent());
         let (o, d) = (ray.origin.as_dvec3() / scale, ray.direction.as_dvec3());
+        let [x, y, z] = shear_axes(ray.direction);
+        let slopes = [d[x] / d[z], d[y] / d[z]];
         self.nearest(ray, origin, |triangle, primitive| {
-            let [a, b, c] = triangle.vertices().map(|p| p.as_dvec3() - o);
-            let edges = [d.dot(b.cross(c)), d.dot(c.cross(a)), d.dot(a.cross(b))];
+            let [a, b, c] = triangle.vertices().map(|p| {
+                let p = p.as_dvec3() - o;
+                [p[x] - slopes[0] * p[z], p[y] - slopes[1] * p[z], p[z]]
+            });
+            let edge = |p: [f64; 3], q: [f64; 3]| q[0] * p[1] - q[1] * p[0];
+            let edges = [edge(b, c), edge(c, a), edge(a, b)];
             let determinant = edges.iter().sum::<f64>();
             let one_sign = edges.iter().all(|e| *e >= 0.0) || edges.iter().all(|e| *e <= 0.0);
-            let t = round_distance(a.dot(b.cross(c)) / determinant * scale);
+            let depth = edges[0] * a[2] + edges[1] * b[2] + edges[2] * c[2];
+            let t = round_distance(depth / determinant / d[z] * scale);
             let [_, u, v] = edges.map(|edge| (edge / determinant) as f32);
             let met = one_sign && determinant != 0.0 && ray.tmin <= t && t <= ray.tmax && t.is_finite();
             met.then_some(Hit { t, u, v, primitive })
@@ -328,7 +342,7 @@ impl FakeTracer {
                 results.1.push(counts);
             }
         }
-        if !self.spec.counts || self.has(Flaw::CountsNothing) {
+        if !self.spec.counts {
             results.1.clear();
         }
         results
@@ -345,6 +359,9 @@ impl Tracer for FakeTracer {
         {
             return invalid("rays and origins differ in number");
         }
+        if self.has(Flaw::RefusesExtras) && (spec.counts || spec.precision != Precision::Robust) {
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, "hits alone, and robust ones"));
+        }
         if !(self.loaded && self.has(Flaw::KeepsFirstRays)) {
             self.source = source;
         }
@@ -359,7 +376,7 @@ impl Tracer for FakeTracer {
         counts: &mut [TestCounts],
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
-        if self.has(Flaw::CountsNothing) {
+        if self.has(Flaw::RefusesExtras) {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, "there are no walks"));
         }
         if counts.len() != rays.len() || hits.as_ref().is_some_and(|hits| hits.len() != rays.len()) {

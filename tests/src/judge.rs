@@ -1,9 +1,9 @@
 //! Who is right where tracers differ: answers of tracers that work in single precision, put to the exact reference.
 //!
-//! [`Verdict::is_right`] is for tracers that keep our definition of a hit. Others (Embree, obvhs, our own `fast`) promise less: of
-//! hits at one distance any, a `t` that is as exact as their arithmetic, and of rays that come within
-//! [`rt_verify::exact::NEARNESS`] of an edge either answer. So an answer of theirs is right, another of tied hits, or an [`Error`]
-//! of a named kind.
+//! [`Verdict::is_right`] is for tracers that keep our definition of a hit. Others (Embree, obvhs, our own `fast`)
+//! promise less: of hits at one distance any, a `t` that is as exact as their arithmetic, and of rays that come within
+//! [`rt_verify::exact::NEARNESS`] of an edge either answer. So an answer of theirs is right, another of tied hits, or
+//! an [`Error`] of a named kind.
 
 use rt_core::{Hit, Query, Ray, Triangle};
 use rt_verify::reference::{Nearest, Verdict, meeting};
@@ -139,9 +139,9 @@ pub fn judge(triangles: &[Triangle], ray: &Ray, origin: u32, query: Query, verdi
 /// How far the `t` of a careful test in single precision may lie from the exact one, near `t`.
 ///
 /// Such a test (T. Möller and B. Trumbore, 1997; or by Plücker coordinates, as Embree's robust one) computes
-/// `t = (v · n) / (d · n)`, where `v` leads from the origin to a vertex and `n` is the normal, the product of two edges.
-/// With `u` the error of one rounding, `r` the greatest coordinate of any vertex relative to the origin, and `e` of any
-/// edge:
+/// `t = (v · n) / (d · n)`, where `v` leads from the origin to a vertex and `n` is the normal, the product of two
+/// edges. With `u` the error of one rounding, `r` the greatest coordinate of any vertex relative to the origin, and `e`
+/// of any edge:
 ///
 /// * An edge is a difference of vertices or of such relative vertices, so it errs by at most `4ur` in a coordinate.
 /// * The normal then errs by `δ ≤ 4e·4ur + 6ue²` in a coordinate: two products of two edges each, and three roundings.
@@ -210,8 +210,8 @@ mod tests {
         assert_eq!(itself, Finding::Wrong(Error::FalseHit));
     }
 
-    /// `t` in single precision, every operation rounded: with edges of the triangle as Möller and Trumbore have them, and
-    /// with edges between vertices relative to the origin, as Embree's robust test has them.
+    /// `t` in single precision, every operation rounded: with edges of the triangle as Möller and Trumbore have them,
+    /// and with edges between vertices relative to the origin, as Embree's robust test has them.
     fn single_precision(ray: &Ray, triangle: &Triangle) -> [f32; 2] {
         let [a, b, c] = triangle.vertices().map(|p| p - ray.origin);
         let edges = [[triangle.b - triangle.a, triangle.c - triangle.a], [b - a, c - a]];

@@ -1,23 +1,28 @@
 //! What ARCHITECTURE.md says of the crates: its diagram, its table and its three prohibitions, as cargo sees them.
 //!
-//! The diagram is the one list of levels: a line that begins with `L3` names the crates of level 3. Dependencies of tests
-//! may lead anywhere.
+//! The diagram is the one list of levels: a line that begins with `L3` names the crates of level 3. Dependencies of
+//! tests may lead anywhere.
 
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Packages that serve the workspace and are nobody's dependency but each other's: tests, benchmarks, automation.
-const SERVANTS: [&str; 5] = ["embree4-sys", "fuzz-cases", "rt-benches", "rt-tests", "xtask"];
+const SERVANTS: [&str; 6] = ["embree4-sys", "fuzz-cases", "real-scenes", "rt-benches", "rt-tests", "xtask"];
 
 /// A package of the workspace.
+#[derive(Debug)]
 struct Package {
     /// Relative to the repository.
     folder: String,
     /// The packages of the workspace that it is built from, optional ones too.
     uses: BTreeSet<String>,
+    /// The same of others.
+    others: BTreeSet<String>,
+    /// Whether somebody else may build on it.
+    is_public: bool,
 }
 
 fn root() -> &'static Path {
@@ -40,10 +45,12 @@ fn workspace() -> BTreeMap<String, Package> {
         let manifest = text(&package["manifest_path"]);
         let folder = Path::new(&manifest).parent().and_then(|folder| folder.strip_prefix(root()).ok());
         let dependencies = package["dependencies"].as_array().expect("dependencies").iter();
-        let built_in = dependencies.filter(|used| used["kind"] != "dev" && !used["path"].is_null());
-        let uses = built_in.map(|used| text(&used["name"])).collect();
+        let built_from = dependencies.filter(|used| used["kind"] != "dev");
+        let (ours, others): (Vec<&Value>, Vec<&Value>) = built_from.partition(|used| !used["path"].is_null());
+        let names = |used: Vec<&Value>| used.into_iter().map(|used| text(&used["name"])).collect();
         let folder = folder.expect("below the root").to_string_lossy().into_owned();
-        (text(&package["name"]), Package { folder, uses })
+        let is_public = package["publish"].is_null();
+        (text(&package["name"]), Package { folder, uses: names(ours), others: names(others), is_public })
     };
     packages.iter().map(package).collect()
 }
@@ -74,11 +81,11 @@ fn levels(page: &str, packages: &BTreeMap<String, Package>) -> BTreeMap<String, 
 }
 
 fn page() -> String {
-    fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md")
+    read(&root().join("ARCHITECTURE.md"))
 }
 
-/// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own level
-/// or above, or is forgotten in the diagram.
+/// Every crate is in the diagram, and uses only crates of lower levels. Fails when a crate gets a dependency on its own
+/// level or above, or is forgotten in the diagram.
 #[test]
 fn the_diagram_is_true() {
     let packages = workspace();
@@ -118,7 +125,102 @@ fn the_prohibitions_hold() {
     }
 }
 
-/// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through another.
+/// The largest share that one crate may have of the workspace's lines of Rust.
+const LARGEST_SHARE: f64 = 0.15;
+
+/// Most lines of the command, without its tests: it holds arguments, and calls of what is below.
+const COMMAND_LINES: usize = 2_500;
+
+/// The files below a folder of the repository that end so, but for what is built or set up.
+fn files(folder: &Path, endings: &[&str]) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).expect("the repository can be read") {
+        let path = entry.expect("the repository can be read").path();
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        if path.is_dir() {
+            if !name.starts_with('.') && !["target", "out"].contains(&name) {
+                found.extend(files(&path, endings));
+            }
+        } else if endings.iter().any(|ending| name.ends_with(ending)) {
+            found.push(path);
+        }
+    }
+    found
+}
+
+fn read(file: &Path) -> String {
+    fs::read_to_string(file).unwrap_or_else(|error| panic!("{}: {error}", file.display()))
+}
+
+fn lines(folder: &Path) -> usize {
+    files(folder, &[".rs"]).iter().map(|file| read(file).lines().count()).sum()
+}
+
+/// Fails when one crate grows into the room that holds everything, or the command gets what libraries should have.
+#[test]
+fn no_crate_outgrows_the_others() {
+    let sizes: BTreeMap<String, usize> =
+        workspace().into_iter().map(|(name, Package { folder, .. })| (name, lines(&root().join(folder)))).collect();
+    // A package that lies in another's folder is counted twice, which makes shares smaller by next to nothing.
+    let total: usize = sizes.values().sum();
+    for (name, size) in &sizes {
+        let share = *size as f64 / total as f64;
+        assert!(share <= LARGEST_SHARE, "{name} has {size} of {total} lines, {:.1}%", 100.0 * share);
+    }
+    let command = lines(&root().join("crates/rt-cli/src"));
+    assert!(command < COMMAND_LINES, "the command has {command} lines");
+}
+
+/// The words of a line, code spans whole.
+fn words(line: &str) -> impl Iterator<Item = &str> {
+    let mut is_code = false;
+    line.split(move |character| {
+        is_code ^= character == '`';
+        character == ' ' && !is_code
+    })
+}
+
+/// Lines of comments and pages are no wider than those of code, which rustfmt sees to. Tables and what is quoted as
+/// code cannot be broken; nor can a line that one address or code span fills.
+#[test]
+fn comments_and_pages_are_as_wide_as_code() {
+    let settings = read(&root().join("rustfmt.toml"));
+    let width = settings.lines().find_map(|line| line.strip_prefix("max_width = ")?.parse().ok());
+    let width: usize = width.expect("rustfmt.toml states the width");
+    let long = |line: &str| line.chars().count() > width && words(line).all(|word| word.chars().count() < width / 2);
+    let mut wide = Vec::new();
+    for file in files(root(), &[".md", ".rs", ".wgsl"]) {
+        let is_page = file.extension().is_some_and(|extension| extension == "md");
+        let mut is_quoted = false;
+        for (number, line) in (1..).zip(read(&file).lines()) {
+            let comment = line.trim_start().strip_prefix("//");
+            let text = comment.unwrap_or(line).trim_start_matches(['/', '!']).trim_start();
+            if is_page && text.starts_with("```") {
+                is_quoted = !is_quoted;
+            }
+            if (is_page || comment.is_some()) && !is_quoted && !text.starts_with('|') && long(line) {
+                wide.push(format!("{}:{number}", file.strip_prefix(root()).unwrap_or(&file).display()));
+            }
+        }
+    }
+    assert!(wide.is_empty(), "wider than {width}: {wide:#?}");
+}
+
+/// Whoever builds on a crate can match its errors. Fails when a public crate is given errors without a type, or uses a
+/// package that is not public.
+#[test]
+fn public_crates_have_errors_of_their_own_types() {
+    let packages = workspace();
+    let public: Vec<(&String, &Package)> = packages.iter().filter(|(_, package)| package.is_public).collect();
+    assert!(public.len() >= 10 && public.iter().any(|(name, _)| *name == "rt-balance"), "{public:?}");
+    for (name, Package { uses, others, .. }) in public {
+        assert!(!others.contains("anyhow"), "{name} uses anyhow");
+        assert!(uses.iter().all(|used| packages[used].is_public), "{name} uses what is not public: {uses:?}");
+    }
+}
+
+/// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through
+/// another.
 #[test]
 fn the_vulkan_backend_links_no_wgpu() {
     let linked = |package: &str| {
@@ -131,4 +233,29 @@ fn the_vulkan_backend_links_no_wgpu() {
     assert!(has("backend-vulkan", "ash") && !has("backend-vulkan", "wgpu") && !has("backend-vulkan", "naga"));
     // The question can be answered with yes.
     assert!(has("backend-wgpu", "wgpu"));
+}
+
+/// Every source file below a folder.
+fn sources(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).expect("a folder of sources").map(|entry| entry.expect("readable").path());
+    let of = |path: PathBuf| if path.is_dir() { sources(&path) } else { vec![path] };
+    entries.flat_map(of).filter(|path| path.extension().is_some_and(|kind| kind == "rs")).collect()
+}
+
+/// What measures chooses estimators, policies and queues from the catalogue, and reads the driver's clock. Fails when
+/// an experiment makes one by itself: that is how second lists begin.
+#[test]
+fn measuring_code_has_no_list_of_its_own() {
+    for file in ["crates/rt-lab/src", "crates/rt-cli/src", "xtask/src"].iter().flat_map(|f| sources(&root().join(f))) {
+        let text = fs::read_to_string(&file).expect("a source file");
+        for line in text.lines() {
+            for module in ["estimate", "policy", "queue"] {
+                let named = line.split_once(&format!("rt_sched::{module}::")).map(|(_, name)| name);
+                // Functions are free: what is estimated may be judged by whatever is there.
+                let is_free = named.is_none_or(|name| name.starts_with(|c: char| c.is_ascii_lowercase()));
+                assert!(is_free, "{}: `{line}`: choose it from rt_balance::catalogue", file.display());
+            }
+            assert!(!line.contains("rt_verify::clock"), "{}: `{line}`: there is rt_balance::clock", file.display());
+        }
+    }
 }

@@ -1,11 +1,11 @@
 //! Embree and this project's devices on the same rays: random meshes and real scenes; nearest and any hits.
 //!
-//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful precision,
-//! with any number of threads and over either layout of trees. Errors of Embree and of our `fast` are counted and printed; on random rays there may
-//! be few, or they were not asked the same. Without its library the tests are ignored with the reason, unless `RT_REQUIRE` names `embree`.
-//! The program `parity` does the same with more rays.
+//! Where they differ, the exact reference says who is right. Our devices must never be wrong, in either careful
+//! precision, with any number of threads and over either layout of trees. Errors of Embree and of our `fast` are
+//! counted and printed; on random rays there may be few, or they were not asked the same. Without its library the tests
+//! are ignored with the reason, unless `RT_REQUIRE` names `embree`. The program `parity` does the same with more rays.
 
-use backend_cpu::CpuDevice;
+use backend_cpu::{CpuDevice, Isa};
 use backend_vulkan::VulkanDevice;
 use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
@@ -15,6 +15,7 @@ use rt_bvh::Builder;
 use rt_conformance::is_required;
 use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
 use rt_gpu::Layouts;
+use rt_report::print::note;
 use rt_scene::{Model, builtin};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::{Tally, judge};
@@ -32,8 +33,8 @@ const RAYS: u32 = 300;
 /// Random meshes, of some dozen rays each.
 const MESHES: u32 = 60;
 
-/// Share of random rays, which nothing aims near edges, that Embree or our `fast` may answer wrongly. Measured: below 10⁻³.
-/// With wrong ids, limits or coordinates nearly all would be wrong.
+/// Share of random rays, which nothing aims near edges, that Embree or our `fast` may answer wrongly. Measured: below
+/// 10⁻³. With wrong ids, limits or coordinates nearly all would be wrong.
 const ERRORS: f64 = 0.005;
 
 /// The careful precisions: those that must always be right.
@@ -42,8 +43,8 @@ const CAREFUL: [Precision; 2] = [Precision::Robust, Precision::Double];
 /// Is given Embree with its robust flag and without.
 type Test = Box<dyn FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed> + Send>;
 
-/// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer wrongly.
-/// Measured: 2 to 4%.
+/// Share of all rays on random meshes, most of them aimed at edges, vertices and planes, that Embree may answer
+/// wrongly. Measured: 2 to 4%.
 const ERRORS_AIMED: f64 = 0.1;
 
 type Devices = Arc<Vec<(String, Arc<dyn Device>)>>;
@@ -68,7 +69,7 @@ fn main() {
         add(
             &name,
             Box::new(move |embree| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 compare(embree, &ours, &scene.name, &model)
             }),
         );
@@ -91,13 +92,14 @@ fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> R
     }
 }
 
-/// The processor with one thread, with two and over the eight-wide tree; every device of Vulkan and of wgpu with its usual
-/// layout, and the first of each with the two-wide one. What is missing is another test's business.
+/// The processor with all its instructions, with two threads, and over the compressed eight-wide tree; every device of
+/// Vulkan and of wgpu with its usual layout, and the first of each with the two-wide one. What is missing is another
+/// test's business.
 fn ours() -> Devices {
     let mut found: Vec<(String, Arc<dyn Device>)> = Vec::new();
-    for threads in [1, 2] {
-        for device in CpuDevice::open_all(&[threads]).unwrap_or_default() {
-            found.push((format!("cpu, threads: {threads}"), Arc::new(device)));
+    for (threads, isa) in Isa::available().into_iter().map(|isa| (1, Some(isa))).chain([(2, None)]) {
+        for device in CpuDevice::open_all_with(&[threads], isa).unwrap_or_default() {
+            found.push((device.info().name.clone(), Arc::new(device)));
         }
     }
     found.push(("cpu, eight-wide".to_owned(), Arc::new(FakeDevice::wide())));
@@ -171,8 +173,8 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
     });
     let tallies = tallies.into_inner();
     for (device, tally) in embree.iter().zip(&tallies) {
-        println!("random meshes: {}: {tally}", device.info().name);
-        println!("    {}", tally.first.as_deref().unwrap_or_default());
+        note(format_args!("random meshes: {}: {tally}", device.info().name));
+        note(format_args!("    {}", tally.first.as_deref().unwrap_or_default()));
     }
     let bad = |tally: &&Tally| tally.errors() as f64 > ERRORS_AIMED * tally.rays as f64;
     match outcome {
@@ -184,8 +186,8 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
     }
 }
 
-/// Whether two of our devices answer alike: to the bit where the nearest hit is wanted. Of several triangles on a ray, layouts
-/// may report any where any hit will do.
+/// Whether two of our devices answer alike: to the bit where the nearest hit is wanted. Of several triangles on a ray,
+/// layouts may report any where any hit will do.
 fn agree(query: Query, one: &[Hit], other: &[Hit]) -> bool {
     match query {
         Query::Closest => one == other,
@@ -199,7 +201,7 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
     let exam = Exam::new(&triangles, camera.as_ref(), RAYS, 2);
     let scene = tree::build(&triangles, Builder::Sah)?;
     let ambiguity = exam.ambiguity();
-    println!("{name}: {ambiguity:?}");
+    note(format_args!("{name}: {ambiguity:?}"));
     if !ambiguity.is_admissible(name) {
         return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
     }
@@ -231,8 +233,8 @@ fn compare(embree: &[EmbreeDevice; 2], ours: &Devices, name: &str, model: &Model
                 }
                 all.merge(tally);
             }
-            println!("    {name}, {query:?}: {all}");
-            println!("    {}", all.first.as_deref().unwrap_or_default());
+            note(format_args!("    {name}, {query:?}: {all}"));
+            note(format_args!("    {}", all.first.as_deref().unwrap_or_default()));
             if random.errors() as f64 > ERRORS * random.rays as f64 {
                 return Err(format!("{name}: {random}: it is not asked what the others are").into());
             }

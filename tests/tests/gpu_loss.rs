@@ -1,8 +1,8 @@
 //! What graphics cards do when they fail: each failure is truly provoked, is told by its kind, and costs no result. And
 //! that it is the card that traces: a poisoned kernel changes the hits, and every ray is traced once.
 //!
-//! A backend takes part with one function that opens its devices with a [`FaultInjection`]. `RT_REQUIRE=vulkan` makes a missing
-//! one a failure.
+//! A backend takes part with one function that opens its devices with a [`FaultInjection`]. `RT_REQUIRE=vulkan` makes a
+//! missing one a failure.
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::{GpuDevice, OpenError, Options, VulkanDevice};
@@ -30,8 +30,8 @@ use std::time::Duration;
 /// The longest that a launch of an honest device may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(120);
 
-/// The longest that a launch may take where one is to hang: far below the second that [`Purpose::Slow`] takes, far above
-/// the milliseconds of a processor.
+/// The longest that a launch may take where one is to hang: far below the second that [`Purpose::Slow`] takes, far
+/// above the milliseconds of a processor.
 const SHORT_LIMIT: Duration = Duration::from_millis(300);
 
 /// Runs after which a device has certainly got a launch: on a busy machine the others may be done before.
@@ -47,7 +47,7 @@ struct Opening {
 /// A device, and its own account of what it traced.
 struct Opened {
     device: Arc<dyn Device>,
-    tally: Box<dyn Fn() -> Counted>,
+    counters: Box<dyn Fn() -> Counted>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,8 +150,8 @@ fn all<T: GpuDevice + 'static>(devices: impl Iterator<Item = T>) -> Result<Vec<O
     let opened = |device| {
         let device = Arc::new(device);
         let of: Arc<T> = Arc::clone(&device);
-        let tally = move || Counted { rays: of.tally().rays(), on_host: of.tally().on_host() };
-        Opened { device, tally: Box::new(tally) }
+        let counters = move || Counted { rays: of.counters().rays(), on_host: of.counters().on_host() };
+        Opened { device, counters: Box::new(counters) }
     };
     let found: Vec<Opened> = devices.map(opened).collect();
     if found.is_empty() { Err("no device can be used".to_owned()) } else { Ok(found) }
@@ -417,7 +417,7 @@ fn once(backend: Backend, _: usize) -> Result<(), Failed> {
     let cards = backend.all()?;
     let devices: Vec<_> = cards.iter().map(|opened| Arc::clone(&opened.device)).collect();
     let mut balancer = Balancer::new(Arc::clone(scene), &devices)?;
-    let total = |of: fn(Counted) -> u64| cards.iter().map(|opened| of((opened.tally)())).sum::<u64>();
+    let total = |of: fn(Counted) -> u64| cards.iter().map(|opened| of((opened.counters)())).sum::<u64>();
     let rays = u64::from(stream.source.len());
     let eighth = Fraction::new(0.125).ok_or("a fraction")?;
     for (walk, is_kept) in [(Walk::Full, true), (Walk::Reduced(ReducedWalk::LeafAsHit), false)] {
@@ -479,8 +479,8 @@ fn float_controls() -> Result<Completion, Failed> {
     Ok(Completion::Completed)
 }
 
-/// Every kernel with every float control, whether a device here has it or not. Fails when modes are put before the entry
-/// point, or the extension is left out.
+/// Every kernel with every float control, whether a device here has it or not. Fails when modes are put before the
+/// entry point, or the extension is left out.
 fn spirv_val() -> Result<Completion, Failed> {
     use Purpose::{Any, AnyCounted, Arithmetic, Closest, ClosestCounted, LeafAsHit, Unshortened};
     let all = FloatControls { signed_zero_inf_nan: true, denormals: true, round_to_nearest: true };

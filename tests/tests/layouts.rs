@@ -1,8 +1,8 @@
 //! The layout of trees that is not a Vulkan device's usual one, and counts over the wide one.
 //!
-//! The conformance suite on the first device with its other layout; hits and counts of the kernels over the wide layout against
-//! `rt_bvh`'s over the same, bit for bit, on troublesome shapes, the built-in scenes and real ones; closed meshes that do not
-//! leak. Without a device the tests are ignored with the reason, unless `RT_REQUIRE` names `vulkan`.
+//! The conformance suite on the first device with its other layout; hits and counts of the kernels over the wide layout
+//! against `rt_bvh`'s over the same, bit for bit, on troublesome shapes, the built-in scenes and real ones; closed
+//! meshes that do not leak. Without a device the tests are ignored with the reason, unless `RT_REQUIRE` names `vulkan`.
 
 use backend_vulkan::{GpuDevice, Layout, Layouts, Options, VulkanDevice};
 use glam::Vec3;
@@ -14,6 +14,7 @@ use rt_core::{
     Device, Hit, Launch, Precision, Query, Ray, RaySource, ReducedWalk, StreamSpec, TestCounts, Tracer, Triangle, Walk,
     random, tasks_of,
 };
+use rt_report::print::note;
 use rt_scene::builtin;
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -69,7 +70,7 @@ fn main() {
     match scenes::find() {
         Ok(found) => all.extend(found.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
-            trial(&name, Box::new(move || compare(&scene.name, &scenes::triangles(&scene.load()?))))
+            trial(&name, Box::new(move || compare(&scene.name, &scenes::triangles(&scenes::load(&scene)?))))
         })),
         Err(reason) => {
             let test = move || Ok(Completion::ignored_with(reason.clone()));
@@ -111,8 +112,8 @@ fn shapes_are_the_processors() -> Result<(), Failed> {
     Ok(())
 }
 
-/// Hits and counts over the wide layout are those of `rt_bvh` over it, and hits those over the two-wide one. Fails when the
-/// kernel takes a leaf's bytes for a node's, visits slots in another order, or pads with another constant.
+/// Hits and counts over the wide layout are those of `rt_bvh` over it, and hits those over the two-wide one. Fails when
+/// the kernel takes a leaf's bytes for a node's, visits slots in another order, or pads with another constant.
 fn compare(name: &str, triangles: &[Triangle]) -> Result<(), Failed> {
     let device = open(Some(ALL_WIDE))?;
     let scene = tree::build(triangles, Builder::Sah)?;
@@ -175,8 +176,8 @@ fn launch(tracer: &mut dyn Tracer, source: &RaySource, spec: StreamSpec) -> Resu
     Ok(launch)
 }
 
-/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. Fails when the kernel
-/// does not pad wide boxes.
+/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. Fails when the
+/// kernel does not pad wide boxes.
 fn closed_meshes_do_not_leak() -> Result<(), Failed> {
     let device = open(Some(ALL_WIDE))?;
     let indices: Vec<u32> = (0..LEAK_RAYS.div_ceil(2)).collect();
@@ -192,7 +193,7 @@ fn closed_meshes_do_not_leak() -> Result<(), Failed> {
             leaks += launch.hits.iter().filter(|hit| !hit.is_hit()).count();
         }
     }
-    println!("{leaks} leaks in {traced} rays");
+    note(format_args!("{leaks} leaks in {traced} rays"));
     if leaks == 0 { Ok(()) } else { Err(format!("{leaks} of {traced} rays leak out of a closed mesh").into()) }
 }
 

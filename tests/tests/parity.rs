@@ -1,10 +1,11 @@
-//! Every builder's trees, two-wide and eight-wide, give the exact reference's hits on real and built-in scenes. Ambiguous rays are
-//! counted, and must still hit one of their candidates; at most one random ray in a thousand may be one, but for ties
-//! in scenes that are listed for them.
+//! Every builder's trees, two-wide and eight-wide, give the exact reference's hits on real and built-in scenes.
+//! Ambiguous rays are counted, and must still hit one of their candidates; at most one random ray in a thousand may be
+//! one, but for ties in scenes that are listed for them.
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::{Builder, WideTree};
 use rt_core::{Precision, Query};
+use rt_report::print::note;
 use rt_scene::{Model, builtin};
 use rt_tests::parity::Exam;
 use rt_tests::scenes;
@@ -25,7 +26,7 @@ fn main() {
     match scenes::find() {
         Ok(scenes) => trials.extend(scenes.into_iter().map(|scene| {
             Trial::test(scene.name.clone(), move || {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 examine(&scene.name, &model, RAYS)
             })
         })),
@@ -41,7 +42,7 @@ fn examine(name: &str, model: &Model, rays: u32) -> Result<(), Failed> {
     let camera = model.view.map(|view| view.camera()).transpose()?;
     let exam = Exam::new(&triangles, camera.as_ref(), rays, 1);
     let ambiguity = exam.ambiguity();
-    println!("{}: {rays} rays; left out: {ambiguity:?}", model.source);
+    note(format_args!("{}: {rays} rays; left out: {ambiguity:?}", model.source));
     if !ambiguity.is_admissible(name) {
         return Err(format!("too many random rays are ambiguous: {ambiguity:?}").into());
     }

@@ -10,6 +10,7 @@ use rt_core::{
     Device, DeviceErrorKind, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, StreamSpec, Task, TestCounts,
     Ticket, Triangle, Walk,
 };
+use rt_report::print::note;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::trace_all;
 use rt_tests::peers::{EmbreeDevice, EmbreeOptions, ObvhsDevice, ObvhsLayout};
@@ -149,7 +150,7 @@ fn answers_for_what_is_meant(device: &dyn Device) -> Result<(), Failed> {
                 let finding = judge(triangles, ray, *origin, query, verdict, hit);
                 tally.add(finding, || format!("{ray:?}, from {origin}: {hit:?}, {finding:?}, but {verdict:?}"));
             }
-            println!("{}, {query:?}: {tally}", device.info().name);
+            note(format_args!("{}, {query:?}: {tally}", device.info().name));
             if tally.errors() as f64 > ERRORS * tally.rays as f64 {
                 return Err(format!("{query:?}: {tally}; the first: {:?}", tally.first).into());
             }

@@ -12,8 +12,8 @@ use rt_verify::{brute, exact, shapes, tree};
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Guards against: a wrong sign in `Shear::intersect` or in one of the reference's edge functions, a bound of either that is
-    /// too small.
+    /// Guards against: a wrong sign in `Shear::intersect` or in one of the reference's edge functions, a bound of
+    /// either that is too small.
     #[test]
     fn brute_force_gives_the_right_answer((triangles, rays) in strategy::scene()) {
         let reference = Reference::new(&triangles);

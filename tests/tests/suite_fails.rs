@@ -1,41 +1,43 @@
 //! The conformance suite must be able to fail: flawed devices are found out, by the cases one would expect.
 
-use rt_conformance::{Capability, cases};
-use rt_core::Device;
+use rt_conformance::cases;
+use rt_core::{Capabilities, Counted, Device, Precision};
 use rt_tests::fake::{FakeDevice, Flaw};
 
 /// Whether a device passes the case called `name`.
 fn passes(device: &dyn Device, name: &str) -> bool {
     let cases = cases();
     let case = cases.iter().find(|case| case.name == name).expect("a case of that name");
-    case.run(device, &Capability::ALL).is_ok()
+    case.run(device).is_ok()
 }
 
 #[test]
 fn an_honest_device_passes() {
-    let errors =
-        cases().into_iter().filter_map(|c| c.run(&FakeDevice::honest(), &Capability::ALL).err().map(|e| (c.name, e)));
+    let errors = cases().into_iter().filter_map(|c| c.run(&FakeDevice::honest()).err().map(|e| (c.name, e)));
     assert_eq!(errors.collect::<Vec<_>>(), []);
 }
 
-/// A device with a tree of its own passes what it is tried by, and one that wrongly claims the common tree is found out.
+/// A device with a tree of its own passes what it is tried by, and would be found out if it said that it counts
+/// the scene's tree.
 #[test]
-fn counts_are_compared_only_for_devices_that_claim_the_common_tree() {
+fn counts_are_compared_only_for_devices_that_count_the_scenes_tree() {
     let wide = FakeDevice::wide();
-    let own_tree = [Capability::DefinedBits, Capability::Counts, Capability::FullWalks, Capability::ReducedWalks];
-    for case in cases() {
-        let fair = case.needs.iter().all(|needed| own_tree.contains(needed));
-        assert!(!fair || case.run(&wide, &own_tree).is_ok(), "{}: {:?}", case.name, case.run(&wide, &own_tree));
+    for case in cases().into_iter().filter(|case| case.lacks(&wide.info().capabilities).is_empty()) {
+        assert_eq!(case.run(&wide), Ok(()), "{}", case.name);
     }
     assert!(!passes(&wide, "counts_are_the_trees_own") && !passes(&wide, "reduced_walks_count_as_the_tree_does"));
 }
 
-/// Fails when a case without needs asks for counts or walks all the same.
+/// Fails when a case without needs asks for counts, walks or precisions all the same.
 #[test]
-fn a_device_that_claims_nothing_is_asked_for_nothing() {
-    for case in cases().into_iter().filter(|case| case.needs.is_empty()) {
-        let outcome = case.run(&FakeDevice::flawed(Flaw::CountsNothing), &[]);
-        assert_eq!(outcome, Ok(()), "{}", case.name);
+fn a_device_that_has_little_is_asked_for_little() {
+    let little = Capabilities::UNKNOWN
+        .with_counts(Counted::Nothing)
+        .with_precisions(&[Precision::Robust])
+        .with_reduced_walks(&[]);
+    let device = FakeDevice::flawed(Flaw::RefusesExtras).saying(little);
+    for case in cases().into_iter().filter(|case| case.lacks(&little).is_empty()) {
+        assert_eq!(case.run(&device), Ok(()), "{}", case.name);
     }
 }
 
@@ -85,7 +87,7 @@ fn every_flaw_is_found_out() {
             Flaw::FlippedSign | Flaw::Thick => "equals_brute_force",
             Flaw::AbsoluteEpsilon => "scaling_by_powers_of_two_changes_nothing",
             Flaw::AcceptsInvalid => "invalid_rays_miss",
-            Flaw::CountsNothing => "counts_are_the_trees_own",
+            Flaw::RefusesExtras => "what_it_says_it_can_do_it_does",
             Flaw::SkipsZero => "limits_are_inclusive",
             Flaw::TrustsRoundings => "reports_the_defined_bits",
             // Need ids and magnitudes that the small scenes of this suite do not have; `verify` finds them.

@@ -1,6 +1,7 @@
-//! The suite that users run passes where promises are kept and fails where they are broken, each time in the right case.
+//! The suite that users run passes where promises are kept and fails where they are broken, each time in the right
+//! case.
 
-use backend_cpu::CpuDevice;
+use backend_cpu::{CpuDevice, Isa};
 use rt_core::{Device, Precision};
 use rt_tests::fake::{FakeDevice, Flaw};
 use rt_verify::{DeviceReport, Options, Row, Subject, Suite, Verdict, Watch};
@@ -15,7 +16,11 @@ fn suite() -> Suite {
 }
 
 fn cpu(precision: Precision) -> Subject {
-    let device = CpuDevice::open_all(&[0]).expect("threads").remove(0);
+    cpu_with(None, precision)
+}
+
+fn cpu_with(isa: Option<Isa>, precision: Precision) -> Subject {
+    let device = CpuDevice::open_all_with(&[0], isa).expect("threads").remove(0);
     Subject::new(Arc::new(device), precision)
 }
 
@@ -39,9 +44,12 @@ fn finds(case: &str, flaw: Flaw) -> bool {
 #[test]
 fn robust_and_double_precision_keep_every_promise() {
     let suite = suite();
-    let report = suite.run(&cpu(Precision::Robust), Watch::default()).expect("nobody stops it");
-    assert!(failed(&report).is_empty(), "{:#?}", failed(&report));
-    assert!(report.count(Verdict::Pass) > 60, "{} lines", report.count(Verdict::Pass));
+    for isa in Isa::available() {
+        let subject = cpu_with(Some(isa), Precision::Robust);
+        let report = suite.run(&subject, Watch::default()).expect("nobody stops it");
+        assert!(failed(&report).is_empty(), "{isa}: {:#?}", failed(&report));
+        assert!(report.count(Verdict::Pass) > 60, "{} lines", report.count(Verdict::Pass));
+    }
     // Trees are the same in every precision, and take longest.
     for case in Suite::case_names().filter(|case| *case != "trees") {
         let report = suite.run_case(case, &cpu(Precision::Double), Watch::default()).expect("nobody stops it");

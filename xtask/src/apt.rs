@@ -1,6 +1,6 @@
 //! Installing Debian packages, and unpacking those of another suite without installing them.
 
-use crate::command::{run, shown, succeeds};
+use crate::command::{run, say, shown, succeeds};
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -9,8 +9,8 @@ use std::process::{Command, Stdio};
 /// Keys that sign every suite of Debian, where the package debian-archive-keyring puts them.
 const DEBIAN_KEYS: &str = "/usr/share/keyrings/debian-archive-keyring.gpg";
 
-/// Installs those of the packages that are missing, as root or through a sudo that asks for no password, and says before
-/// what that is.
+/// Installs those of the packages that are missing, as root or through a sudo that asks for no password, and says
+/// before what that is.
 ///
 /// What is installed already is not upgraded.
 pub(crate) fn install<S: AsRef<str>>(packages: &[S]) -> Result<()> {
@@ -46,7 +46,7 @@ struct Size {
 
 fn announce(packages: &[&str], Size { packages: all, download, disk }: &Size) {
     let named = packages.join(", ");
-    println!("setup: apt installs {named} (packages in all: {all}): {download} to download, {disk} on disk");
+    say(format_args!("setup: apt installs {named} (packages in all: {all}): {download} to download, {disk} on disk"));
 }
 
 /// Asks apt, which changes nothing; `None` where it knows no way to install them.

@@ -1,6 +1,8 @@
 //! Running other programs.
 
 use anyhow::{Context, Result, bail};
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -16,10 +18,20 @@ pub(crate) fn cargo(arguments: &str) -> Command {
     command
 }
 
+/// Says a line to people. Where nobody can read it, it is lost: what counts is how a task ends.
+pub(crate) fn say(line: impl Display) {
+    let _ = writeln!(io::stdout(), "{line}");
+}
+
+/// Says what went wrong.
+pub(crate) fn complain(error: &anyhow::Error) {
+    let _ = writeln!(io::stderr(), "error: {error:#}");
+}
+
 /// Shows and runs a command; an error when it cannot be started or fails.
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = shown(command);
-    println!("$ {line}");
+    say(format_args!("$ {line}"));
     let status = command.status().with_context(|| format!("cannot start `{line}`"))?;
     if !status.success() {
         bail!("`{line}` failed ({status})");

@@ -1,6 +1,6 @@
 //! `cargo xtask fuzz`: libFuzzer on every target in `fuzz/`.
 
-use crate::command::{cargo, root, run, succeeds};
+use crate::command::{cargo, complain, root, run, succeeds};
 use crate::nightly;
 use anyhow::{Context, Result, bail};
 
@@ -15,8 +15,8 @@ const MEMORY: u32 = 2048;
 
 /// Fuzzes each target for an equal share of `minutes`, starting from the corpus.
 ///
-/// What is found goes to `fuzz/target/corpus`, what breaks something to `fuzz/artifacts`: then move it to `fuzz/corpus`,
-/// where the tests replay it, and mend the code.
+/// What is found goes to `fuzz/target/corpus`, what breaks something to `fuzz/artifacts`: then move it to
+/// `fuzz/corpus`, where the tests replay it, and mend the code.
 pub(crate) fn fuzz(minutes: u32) -> Result<()> {
     if !succeeds(nightly::cargo("fuzz").arg("--version")) {
         nightly::require("libFuzzer's instrumentation")?;
@@ -33,7 +33,7 @@ pub(crate) fn fuzz(minutes: u32) -> Result<()> {
         command.arg("--").arg(format!("-max_total_time={seconds}"));
         command.args([format!("-max_len={LONGEST}"), format!("-rss_limit_mb={MEMORY}"), "-timeout=20".to_owned()]);
         if let Err(error) = run(&mut command) {
-            eprintln!("error: {error:#}");
+            complain(&error);
             broken.push(target);
         }
     }

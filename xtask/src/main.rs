@@ -12,13 +12,14 @@ mod nightly;
 mod no_std;
 mod pip;
 mod registered;
-mod scenes;
 mod setup;
 mod test;
 mod unsafe_code;
 mod vulkan;
 mod workspace;
 
+use command::{complain, say};
+use std::io::{self, Write};
 use std::process::ExitCode;
 
 const USAGE: &str = "\
@@ -69,18 +70,18 @@ fn main() -> ExitCode {
             Err(_) => Err(anyhow::anyhow!("`{minutes}` is not a number of minutes")),
         },
         ["help" | "--help" | "-h"] => {
-            print!("{USAGE}");
+            say(USAGE.trim_end());
             Ok(())
         }
         _ => {
-            eprint!("{USAGE}");
+            let _ = write!(io::stderr(), "{USAGE}");
             return ExitCode::from(2);
         }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            complain(&error);
             ExitCode::FAILURE
         }
     }

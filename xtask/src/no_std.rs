@@ -1,6 +1,6 @@
 //! `cargo xtask no-std`: the proof that rt-core, rt-bvh and rt-sched need no std.
 
-use crate::command::{cargo, run, shown};
+use crate::command::{cargo, run, say, shown};
 use anyhow::{Context, Result, bail};
 
 const MANIFEST: &str = "--manifest-path tools/no-std/Cargo.toml";
@@ -27,7 +27,7 @@ pub(crate) fn prove() -> Result<()> {
 /// With obvhs, which uses std, the same program must not compile; otherwise the proof proves nothing.
 fn negative_control() -> Result<()> {
     let mut check = cargo(&format!("check --color never --features obvhs {MANIFEST}"));
-    println!("$ {} (must fail with E0152)", shown(&check));
+    say(format_args!("$ {} (must fail with E0152)", shown(&check)));
     let output = check.output().context("cannot start cargo")?;
     let messages = String::from_utf8_lossy(&output.stderr);
     if output.status.success() {

@@ -3,7 +3,7 @@
 //! pip refuses a file whose hash is not written here. Nothing is installed for the user and nothing cached.
 
 use crate::apt;
-use crate::command::{run, succeeds};
+use crate::command::{run, say, succeeds};
 use crate::files::remove;
 use anyhow::{Context, Result};
 use std::fs;
@@ -34,7 +34,7 @@ impl Package {
         if !succeeds(Command::new("python3").args(["-m", "pip", "--version"])) {
             apt::install(&["python3-pip"]).with_context(|| format!("{} is a Python package", self.name))?;
         }
-        println!("setup: pip downloads {} {} ({} MB)", self.name, self.release, self.megabytes);
+        say(format_args!("setup: pip downloads {} {} ({} MB)", self.name, self.release, self.megabytes));
         let (staging, list) = (folder.with_extension("partial"), folder.with_extension("requirements"));
         remove(&staging)?;
         if let Some(parent) = folder.parent() {

@@ -1,6 +1,7 @@
-//! What earlier versions of `cargo xtask setup` left below the home folder: manifests of the software driver, by which the
-//! Vulkan loader found it for every program of the user.
+//! What earlier versions of `cargo xtask setup` left below the home folder: manifests of the software driver, by which
+//! the Vulkan loader found it for every program of the user.
 
+use crate::command::say;
 use anyhow::{Context, Result};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ pub(crate) fn undo() -> Result<()> {
     let found = found();
     for manifest in &found {
         fs::remove_file(manifest).with_context(|| format!("cannot remove `{}`", manifest.display()))?;
-        println!("setup: removed {}", manifest.display());
+        say(format_args!("setup: removed {}", manifest.display()));
     }
     for data in data_folders() {
         // What is not empty belongs to others, and stays.
@@ -29,13 +30,13 @@ pub(crate) fn undo() -> Result<()> {
         }
     }
     if found.is_empty() {
-        println!("setup: nothing is registered for this user");
+        say("setup: nothing is registered for this user");
     }
     Ok(())
 }
 
-/// Where the loader looks for a user's own drivers, as the XDG Base Directory Specification has it: by the variable, and
-/// by the default that held if it was not set at the time.
+/// Where the loader looks for a user's own drivers, as the XDG Base Directory Specification has it: by the variable,
+/// and by the default that held if it was not set at the time.
 fn data_folders() -> Vec<PathBuf> {
     let variable = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let default = variable("HOME").map(|home| home.join(".local/share"));

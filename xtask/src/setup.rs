@@ -1,18 +1,19 @@
 //! `cargo xtask setup`: what the tests need from outside this repository.
 
-use crate::command::{cargo, root, succeeds};
+use crate::command::{cargo, say, succeeds};
 use crate::deny::{self, Availability};
 use crate::workspace::Packages;
-use crate::{apt, embree, registered, scenes, vulkan};
+use crate::{apt, embree, registered, vulkan};
 use anyhow::{Context, Result, bail};
+use real_scenes::Folders;
 use std::path::PathBuf;
 use std::process::Command;
 
 /// What `setup` put in place.
 #[derive(Debug)]
 pub(crate) struct Setup {
-    /// Folder of unpacked scenes, if the caller named any.
-    pub(crate) scenes: Option<PathBuf>,
+    /// The caller's scenes, if there are any, unpacked.
+    pub(crate) scenes: Option<Folders>,
     /// Backends and programs that tests may demand through `RT_REQUIRE`: those that need no part, and those whose parts
     /// are there.
     pub(crate) provided: Vec<&'static str>,
@@ -49,7 +50,7 @@ enum State {
 /// What the parts look at.
 struct Wanted {
     /// Scenes as the caller gave them, and where they go.
-    scenes: Option<scenes::Folders>,
+    scenes: Option<Folders>,
     /// Those of [`VULKAN_BACKENDS`] that the workspace has, by their name in `RT_REQUIRE`.
     vulkan: Vec<&'static str>,
 }
@@ -82,10 +83,10 @@ const PARTS: &[Part] = &[
     Part {
         name: "scenes",
         state: |context| match &context.scenes {
-            Some(folders) => Ok(present(folders.outdated()?.is_empty())),
+            Some(folders) => Ok(present(folders.is_up_to_date()?)),
             None => Ok(State::NotNeeded("RAYBALANCE_SCENES is not set")),
         },
-        install: |context| context.scenes.as_ref().map_or_else(|| Ok(String::new()), scenes::Folders::update),
+        install: |context| context.scenes.as_ref().map_or_else(|| Ok(String::new()), Folders::update),
     },
     Part {
         name: "Chromium",
@@ -145,29 +146,27 @@ pub(crate) fn is_ci() -> bool {
 
 /// Puts every part in place, in the folder `.setup` or by the system's packages; nothing below the home folder.
 pub(crate) fn setup() -> Result<Setup> {
-    let source = std::env::var_os("RAYBALANCE_SCENES").filter(|value| !value.is_empty());
-    let target = root().join(".setup/scenes");
-    let scenes = source.map(|source| scenes::Folders::new(source.into(), target)).transpose()?;
+    let scenes = Folders::named()?;
     let packages = Packages::read()?;
     let vulkan = VULKAN_BACKENDS.iter().filter(|(package, _)| packages.has(package)).map(|&(_, name)| name).collect();
     let context = Wanted { scenes, vulkan };
     for part in PARTS {
         let name = part.name;
         match (part.state)(&context).with_context(|| format!("looking for {name}"))? {
-            State::Present => println!("setup: {name}: present"),
-            State::NotNeeded(reason) => println!("setup: {name}: not needed ({reason})"),
+            State::Present => say(format_args!("setup: {name}: present")),
+            State::NotNeeded(reason) => say(format_args!("setup: {name}: not needed ({reason})")),
             State::Missing => {
                 let done = (part.install)(&context).with_context(|| format!("setting up {name}"))?;
-                println!("setup: {name}: {done}");
+                say(format_args!("setup: {name}: {done}"));
             }
         }
     }
     if let Some(manifest) = registered::found().first() {
-        println!(
+        say(format_args!(
             "setup: an earlier version registered its Vulkan driver for this user ({}, …), which is no longer needed: \
              `cargo xtask setup --undo` removes that",
             manifest.display()
-        );
+        ));
     }
     let software_vulkan = context.no_vulkan().is_none();
     let mut provided = vec!["cpu"];
@@ -181,7 +180,7 @@ pub(crate) fn setup() -> Result<Setup> {
     if names_embree() || embree.is_some() {
         provided.push("embree");
     }
-    Ok(Setup { scenes: context.scenes.map(scenes::Folders::into_target), provided, software_vulkan, embree })
+    Ok(Setup { scenes: context.scenes, provided, software_vulkan, embree })
 }
 
 fn present(yes: bool) -> State {

@@ -1,6 +1,6 @@
 //! `cargo xtask test`: every check that a change must pass.
 
-use crate::command::{cargo, run};
+use crate::command::{cargo, run, say};
 use crate::deny::{self, Availability};
 use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
@@ -50,19 +50,19 @@ pub(crate) fn test(extent: Extent) -> Result<()> {
     let mut outcomes = Vec::new();
     let mut failure = None;
     for (index, Step { name, check }) in steps.into_iter().enumerate() {
-        println!("\n[{}/{total}] {name}", index + 1);
+        say(format_args!("\n[{}/{total}] {name}", index + 1));
         let start = Instant::now();
         let result = match check {
             Check::Command(mut command) => run(&mut command),
             Check::Function(function) => function(),
             Check::Impossible(reason) => {
-                println!("not run: {reason}");
+                say(format_args!("not run: {reason}"));
                 outcomes.push((name, Outcome::NotRun(reason)));
                 continue;
             }
         };
         let spent = start.elapsed();
-        println!("[{}/{total}] {name}: {:.1} s", index + 1, spent.as_secs_f64());
+        say(format_args!("[{}/{total}] {name}: {:.1} s", index + 1, spent.as_secs_f64()));
         match result {
             Ok(()) => outcomes.push((name, Outcome::Passed(spent))),
             Err(error) => {
@@ -113,8 +113,8 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
     match &setup.scenes {
-        Some(folder) => tests.env("RAYBALANCE_SCENES", folder),
-        None => tests.env_remove("RAYBALANCE_SCENES"),
+        Some(folders) => tests.env(real_scenes::VARIABLE, folders.unpacked()?),
+        None => tests.env_remove(real_scenes::VARIABLE),
     };
     // Someone who names drivers wants those tested: a real GPU's, say.
     let named = vulkan::DRIVER_VARIABLES.iter().any(|name| std::env::var_os(name).is_some());
@@ -140,17 +140,17 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
 }
 
 fn summarise(outcomes: &[(String, Outcome)], total: usize, spent: Duration) {
-    println!("\nsummary");
+    say("\nsummary");
     for (name, outcome) in outcomes {
         match outcome {
-            Outcome::Passed(spent) => println!("  passed   {:7.1} s  {name}", spent.as_secs_f64()),
-            Outcome::Failed(spent) => println!("  FAILED   {:7.1} s  {name}", spent.as_secs_f64()),
-            Outcome::NotRun(reason) => println!("  not run             {name}: {reason}"),
+            Outcome::Passed(spent) => say(format_args!("  passed   {:7.1} s  {name}", spent.as_secs_f64())),
+            Outcome::Failed(spent) => say(format_args!("  FAILED   {:7.1} s  {name}", spent.as_secs_f64())),
+            Outcome::NotRun(reason) => say(format_args!("  not run             {name}: {reason}")),
         }
     }
     let left = total - outcomes.len();
     if left > 0 {
-        println!("  {left} later steps were not reached");
+        say(format_args!("  {left} later steps were not reached"));
     }
-    println!("  total    {:7.1} s", spent.as_secs_f64());
+    say(format_args!("  total    {:7.1} s", spent.as_secs_f64()));
 }

@@ -4,18 +4,18 @@ use crate::command::{cargo, root, run};
 use crate::{embree, nightly, setup, vulkan};
 use anyhow::{Result, bail};
 
-/// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, both GPU backends with
-/// all layouts, and Embree beside them. The tests of lost devices hang them on purpose and hold them to limits of time, which
-/// instrumented programs on a shared machine do not keep.
+/// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, the kernels for
+/// processors, both GPU backends with all layouts, and Embree beside them. The tests of lost devices hang them on
+/// purpose and hold them to limits of time, which instrumented programs on a shared machine do not keep.
 const TESTS: &str = "test --target x86_64-unknown-linux-gnu --no-fail-fast -p backend-vulkan -p backend-wgpu \
-                     -p embree4-sys -p rt-tests --lib --test abi --test embree --test gpu --test layouts \
+                     -p embree4-sys -p rt-simd -p rt-tests --lib --test abi --test embree --test gpu --test layouts \
                      --test peers --test rays";
 
 /// Leaks that are not ours, by the library that keeps the memory.
 const SUPPRESSIONS: &str = "xtask/leaks.supp";
 
-/// AddressSanitizer and LeakSanitizer over everything that has `unsafe`: the GPU backends on the software driver, and the
-/// bindings to Embree.
+/// AddressSanitizer and LeakSanitizer over everything that has `unsafe`: the GPU backends on the software driver, the
+/// bindings to Embree, and kernels in intrinsics.
 pub(crate) fn asan() -> Result<()> {
     if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
         bail!("asan runs on Linux on x86-64 only");
@@ -31,7 +31,7 @@ pub(crate) fn asan() -> Result<()> {
     tests.env("LSAN_OPTIONS", format!("suppressions={}:print_suppressions=0", suppressions.display()));
     tests.env("RT_REQUIRE", setup.provided.join(","));
     // Real scenes bring no other calls, and take long.
-    tests.env_remove("RAYBALANCE_SCENES");
+    tests.env_remove(real_scenes::VARIABLE);
     if let Some(library) = &setup.embree {
         tests.env(embree::VARIABLE, library);
     }

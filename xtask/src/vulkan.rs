@@ -40,7 +40,8 @@ const FOLDER: &str = ".setup/vulkan";
 /// Where every device's manifest lies; `.cargo/config.toml` names it to the loader, for programs that cargo starts.
 const MANIFESTS: &str = "icd.d";
 
-/// Variables that tell the loader which drivers to load, and no others: today's name and that of loaders before 1.3.207.
+/// Variables that tell the loader which drivers to load, and no others: today's name and that of loaders before
+/// 1.3.207.
 pub(crate) const DRIVER_VARIABLES: [&str; 2] = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
 
 /// Variables under which programs find the devices and nothing else.

@@ -1,5 +1,5 @@
-//! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays made
-//! there against rays sent, and what a ray of a bounce costs the host.
+//! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays
+//! made there against rays sent, and what a ray of a bounce costs the host.
 //!
 //! `cargo run --release -p rt-benches --bin launches -- SCENE... [--device 0] [--runs 7] [--size 512x512]
 //! [--lanes 128,1024,16384]`
@@ -8,11 +8,15 @@
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
 use rt_balance::clock;
 use rt_balance::stats::{median, ratios};
-use rt_benches::{BenchScene, options};
-use rt_bvh::{BuildOptions, Mesh, build};
+use rt_benches::options;
+use rt_bvh::Builder;
 use rt_core::{Device, Launch, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_scene::streams::Wave;
 use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -27,23 +31,36 @@ struct Options {
     lanes: Vec<u32>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
     let device = open(options.device, Tuning::default())?;
-    println!("device: {} ({}), makes rays: {}\n", device.info().name, device.card().driver, device.makes_rays());
-    println!(
-        "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to load \
-         camera rays and have the device make them, and to load those that the host prepares and sends; to load and to find the shadow and diffuse rays that leave; \
-         camera rays per million that the device does not make but leaves to the host. Medians of {} interleaved runs.\n",
+    writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone()]))?;
+    writeln!(
+        Stdout,
+        "device: {} ({}), makes rays: {}\n",
+        device.info().name,
+        device.card().driver,
+        device.makes_rays()
+    )?;
+    writeln!(
+        Stdout,
+        "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to \
+         load camera rays and have the device make them, and to load those that the host prepares and sends; to load \
+         and to find the shadow and diffuse rays that leave; camera rays per million that the device does not make \
+         but leaves to the host. Medians of {} interleaved runs.\n",
         options.runs
-    );
-    print!("| scene | rays | Mray/s |");
-    options.lanes.iter().for_each(|lanes| print!(" {lanes} lanes |"));
-    println!(
+    )?;
+    write!(Stdout, "| scene | rays | Mray/s |")?;
+    options.lanes.iter().try_for_each(|lanes| write!(Stdout, " {lanes} lanes |"))?;
+    writeln!(
+        Stdout,
         " made ns | sent ns | spawned ns | left ppm |\n|---|---|---|{}---|---|---|---|",
         "---|".repeat(options.lanes.len())
-    );
+    )?;
     for name in &options.scenes {
         bench(name, &options)?;
     }
@@ -51,29 +68,28 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn open(index: usize, tuning: Tuning) -> Result<VulkanDevice, Box<dyn Error>> {
-    let found = VulkanDevice::enumerate(Open::from_env())?;
+    let found = VulkanDevice::enumerate(Open::from_env()?)?;
     Ok(found.into_iter().nth(index).ok_or("there is no such device")??.tuned(tuning))
 }
 
 fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
-    let bench = BenchScene::open(name)?;
-    let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-    let scene = build(mesh, &BuildOptions::default())?.scene;
+    let prepared = rt_benches::open(name, Builder::default())?;
+    let scene = &prepared.built.scene;
     let tracer = |tuning| -> Result<(VulkanDevice, Box<dyn Tracer>), Box<dyn Error>> {
         let device = open(options.device, tuning)?;
-        let tracer = device.tracer(Arc::clone(&scene), clock)?;
+        let tracer = device.tracer(Arc::clone(scene), clock)?;
         Ok((device, tracer))
     };
     let (device, mut first) = tracer(Tuning::default())?;
     let (sender, mut host) = tracer(Tuning { host_rays: true, ..Tuning::default() })?;
-    let paths = bench.paths(&scene, options.size, 1, 1)?;
+    let paths = prepared.paths(&prepared.view(), options.size, 1)?;
     let camera = paths.primary(&Wave::whole(options.size)?);
     let primary = camera.source.clone();
     load(&mut *first, &primary)?;
     let hits = trace(&mut *first, primary.len())?.hits;
     load(&mut *host, &primary)?;
     trace(&mut *host, primary.len())?;
-    let [left, doubtful] = [&device, &sender].map(|device| device.tally().on_host());
+    let [left, doubtful] = [&device, &sender].map(|device| device.counters().on_host());
     let left = (left as f64 - doubtful as f64) / f64::from(primary.len().max(1));
     let mut tracers = vec![first];
     for &lanes in &options.lanes {
@@ -117,12 +133,12 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
             }
         }
         let ratio = |k: usize| median(&ratios(&kernels[k], &kernels[0]));
-        print!("| {} | {kind} | {:.2} |", bench.name, rays / median(&kernels[0]) / 1e6);
-        (1..kernels.len()).for_each(|k| print!(" {:.2} |", ratio(k)));
+        write!(Stdout, "| {} | {kind} | {:.2} |", prepared.name, rays / median(&kernels[0]) / 1e6)?;
+        (1..kernels.len()).try_for_each(|k| write!(Stdout, " {:.2} |", ratio(k)))?;
         let ns = |seconds: &[f64]| format!("{:.0}", median(seconds) * 1e9);
         match kind {
-            "primary" => println!(" {} | {} | | {:.1} |", ns(&made_s), ns(&sent_s), left * 1e6),
-            _ => println!(" | {} | {} | |", ns(&sent_s), ns(&spawned_s)),
+            "primary" => writeln!(Stdout, " {} | {} | | {:.1} |", ns(&made_s), ns(&sent_s), left * 1e6)?,
+            _ => writeln!(Stdout, " | {} | {} | |", ns(&sent_s), ns(&spawned_s))?,
         }
     }
     Ok(())

@@ -5,18 +5,28 @@
 
 use rt_balance::stats::median;
 use rt_core::{CostModel, Work, random};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_sched::bound;
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::{HybridQueue, Pop, TaskQueue};
+use std::error::Error;
 use std::hint::black_box;
+use std::io::Write;
+use std::process::ExitCode;
 use std::time::Instant;
 
 /// Repetitions, of which the median is shown.
 const RUNS: usize = 11;
 
-fn main() {
-    println!("| tasks × devices | speeds | LPT ms (min) | hybrid queue ms (min) |");
-    println!("|---|---|---|---|");
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
+    writeln!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
+    writeln!(Stdout, "| tasks × devices | speeds | LPT ms (min) | hybrid queue ms (min) |")?;
+    writeln!(Stdout, "|---|---|---|---|")?;
     for (tasks, devices) in [(4_096, 3), (65_536, 8), (1_000_000, 1_024)] {
         let work: Vec<Work> = (0..tasks).map(task).collect();
         for (label, speeds) in [("equal", &[1.0][..]), ("1:2:4", &[1.0, 2.0, 4.0])] {
@@ -24,18 +34,18 @@ fn main() {
             let schedule = Lpt.schedule(&work, &models);
             let lpt = time(|| drop(black_box(Lpt.schedule(black_box(&work), &models))));
             let queue = time(|| drop(black_box(HybridQueue::new(&schedule, black_box(&work), &models))));
-            println!("| {tasks} × {devices} | {label} | {} | {} |", show(&lpt), show(&queue));
+            writeln!(Stdout, "| {tasks} × {devices} | {label} | {} | {} |", show(&lpt), show(&queue))?;
         }
     }
-    println!("\n| devices | µs for a pop |\n|---|---|");
+    writeln!(Stdout, "\n| devices | µs for a pop |\n|---|---|")?;
     for devices in [3, 64, 1_024, 10_000] {
-        println!("| {devices} | {:.3} |", median(&(0..RUNS).map(|_| pop_us(devices)).collect::<Vec<_>>()));
+        let runs: Vec<f64> = (0..RUNS).map(|_| pop_us(devices)).collect();
+        writeln!(Stdout, "| {devices} | {:.3} |", median(&runs))?;
     }
     let costs: Vec<f64> = (0..1_000_000).map(|i| f64::from(task(i).tests())).collect();
-    println!(
-        "\nbound of 1,000,000 tasks on 8 devices: {} ms",
-        show(&time(|| drop(black_box(bound::related(&costs, &[1.0; 8])))))
-    );
+    let bound = time(|| drop(black_box(bound::related(&costs, &[1.0; 8]))));
+    writeln!(Stdout, "\nbound of 1,000,000 tasks on 8 devices: {} ms", show(&bound))?;
+    Ok(())
 }
 
 /// Mean microseconds of a `pop`, over a run in which devices take turns.

@@ -1,9 +1,13 @@
 //! Opening CPU devices.
 
 use crate::executor::Executor;
+use crate::instructions::{self, InstructionsError};
+use crate::launches::{Launches, Trees};
+use crate::packets::Kernels;
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
 use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
+use rt_simd::{Isa, Kernel};
 use std::fmt;
 use std::sync::Arc;
 
@@ -15,6 +19,8 @@ const IN_FLIGHT: u32 = 2;
 pub struct CpuDevice {
     info: DeviceInfo,
     executor: Arc<Executor>,
+    kernel: Kernel,
+    trees: Arc<Trees>,
 }
 
 impl CpuDevice {
@@ -23,9 +29,23 @@ impl CpuDevice {
     /// Cores are dealt in order and each device is pinned to its own. Where all devices together want more threads
     /// than there are cores, or the system does not let us pin, none is pinned.
     ///
+    /// They trace with the best instructions that the processor has, or with those that the environment variable
+    /// `RAYBALANCE_ISA` names.
+    ///
     /// # Errors
-    /// When the system cannot start a thread.
+    /// When the system cannot start a thread, or `RAYBALANCE_ISA` asks for instructions that there are not.
     pub fn open_all(threads: &[usize]) -> Result<Vec<Self>, OpenError> {
+        Self::open_all_with(threads, None)
+    }
+
+    /// The same with instructions of the caller's choice, whatever the environment says. Nearest hits are the same bits
+    /// with each.
+    ///
+    /// # Errors
+    /// When the system cannot start a thread, or the processor lacks the instructions.
+    pub fn open_all_with(threads: &[usize], isa: Option<Isa>) -> Result<Vec<Self>, OpenError> {
+        let kernel = instructions::kernel(isa).map_err(OpenError::Instructions)?;
+        let trees = Arc::new(Trees::default());
         let cores = core_affinity::get_core_ids().unwrap_or_default();
         let available = Self::cores();
         let asked: usize = threads.iter().sum();
@@ -38,7 +58,7 @@ impl CpuDevice {
             .enumerate()
             .map(|(index, n)| {
                 let own: Vec<CoreId> = if pin { free.by_ref().take(n).collect() } else { Vec::new() };
-                Self::open(index, n, own)
+                Self::open(index, n, own, kernel, Arc::clone(&trees))
             })
             .collect()
     }
@@ -49,18 +69,31 @@ impl CpuDevice {
         std::thread::available_parallelism().map_or(1, usize::from)
     }
 
-    fn open(index: usize, threads: usize, cores: Vec<CoreId>) -> Result<Self, OpenError> {
+    /// The instructions with which it traces.
+    #[must_use]
+    pub const fn isa(&self) -> Isa {
+        self.kernel.isa()
+    }
+
+    fn open(
+        index: usize,
+        threads: usize,
+        cores: Vec<CoreId>,
+        kernel: Kernel,
+        trees: Arc<Trees>,
+    ) -> Result<Self, OpenError> {
+        let isa = kernel.isa();
         let name = match cores.as_slice() {
-            [] => format!("CPU {index} ({threads} {}, not pinned)", plural(threads, "thread")),
-            [core] => format!("CPU {index} (core {})", core.id),
-            [first, .., last] => format!("CPU {index} (cores {}-{})", first.id, last.id),
+            [] => format!("CPU {index} ({threads} {}, not pinned, {isa})", plural(threads, "thread")),
+            [core] => format!("CPU {index} (core {}, {isa})", core.id),
+            [first, .., last] => format!("CPU {index} (cores {}-{}, {isa})", first.id, last.id),
         };
-        let executor = Executor::new(index, threads, cores).map_err(|source| OpenError { threads, source })?;
+        let executor = Executor::new(index, threads, cores).map_err(|source| OpenError::Threads { threads, source })?;
         let info = DeviceInfo::new(name, "cpu")
             .with_units(threads as u32)
             .with_in_flight(IN_FLIGHT)
-            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree));
-        Ok(Self { info, executor: Arc::new(executor) })
+            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits());
+        Ok(Self { info, executor: Arc::new(executor), kernel, trees })
     }
 }
 
@@ -74,26 +107,44 @@ impl Device for CpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, clock, IN_FLIGHT)?))
+        let launches = self.trees.of(&scene).map(|tree| Launches::new(self.kernel, tree));
+        let kernels = Kernels::of(self.isa());
+        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, kernels, launches, clock, IN_FLIGHT)?))
     }
 }
 
 /// Why a CPU device could not be opened.
 #[derive(Debug)]
-pub struct OpenError {
-    threads: usize,
-    source: rayon::ThreadPoolBuildError,
+#[non_exhaustive]
+pub enum OpenError {
+    /// The system cannot start so many threads.
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the thread pool says.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// There are no such instructions.
+    Instructions(InstructionsError),
 }
 
 impl fmt::Display for OpenError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot start {} threads for a CPU device: ask for fewer", self.threads)
+        match self {
+            Self::Threads { threads, .. } => {
+                write!(f, "cannot start {threads} threads for a CPU device: ask for fewer")
+            }
+            Self::Instructions(error) => error.fmt(f),
+        }
     }
 }
 
 impl std::error::Error for OpenError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
-        // What the system said; rayon's error says no more.
-        self.source.source().or(Some(&self.source))
+        match self {
+            // What the system said; rayon's error says no more.
+            Self::Threads { source, .. } => source.source().or(Some(source)),
+            Self::Instructions(_) => None,
+        }
     }
 }

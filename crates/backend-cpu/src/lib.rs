@@ -5,19 +5,27 @@
 //! scene with the host and copy nothing. All CPU devices run the same kernels in the same order per ray, so any split
 //! of a stream over any of them gives the same bits.
 //!
-//! Rays that follow each other in a task, or in a list of samples, walk the tree in packets of sixteen. Samples of a
-//! task come in the stream's order, along the Z-curve: so sparse ones are compacted into packets of near neighbours. Where
-//! the processor has AVX2, packets take its words; the one `unsafe` call is that.
+//! Launches that count nothing take the kernels of `rt-simd`, over its eight-wide tree, which devices opened together
+//! share: it is held beside the scene. The environment variable `RAYBALANCE_ISA` chooses their instructions (`avx512`,
+//! `avx2`, `portable`). Which candidate an any-hit ray reports then depends on the other rays.
 //!
-//! Current state and limits: no wide nodes; packets in words of AVX2 or SSE2 on x86-64, elsewhere what the compiler makes of
-//! the portable code, which was not measured; cores are taken in the order the system lists them, without regard to
-//! hyper-threads or NUMA nodes.
+//! Samples, reduced walks, counted launches and the precision `fast` walk the two-wide tree in packets of sixteen, so
+//! that all that is counted is counted on one layout, and prices fit. Samples of a task come in the stream's order,
+//! along the Z-curve: so sparse ones are compacted into packets of near neighbours. Where the processor has AVX2,
+//! packets take its words; the one `unsafe` call is that.
+//!
+//! Current state and limits: samples cost several times as much a ray as launches do; cores are taken in the order the
+//! system lists them, without regard to hyper-threads or NUMA nodes.
 #![deny(unsafe_code)]
 
 mod device;
 mod executor;
+mod instructions;
+mod launches;
 mod packets;
 mod stopwatch;
 mod tracer;
 
 pub use device::{CpuDevice, OpenError};
+pub use instructions::InstructionsError;
+pub use rt_simd::Isa;

@@ -1,7 +1,8 @@
-//! The traversal kernels in the widest words that the processor has.
+//! The kernels that count, over the scene's two-wide tree.
 
 use rt_bvh::{PacketWalk, Stack};
-use rt_core::{Hit, Precision, Ray, Scene, TestCounts, Walk};
+use rt_core::{Coherence, Hit, Precision, Ray, Scene, TestCounts, Walk};
+use rt_simd::Isa;
 
 /// How rays are walked. Hits and counts are the same bits whichever it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,16 +14,17 @@ pub(crate) enum Kernels {
     Avx2(HasAvx2),
 }
 
-/// Proof that the processor has what [`rt_bvh::walk_packets_avx2`] is compiled for; made by [`Kernels::detect`] alone.
+/// Proof that the processor has what [`rt_bvh::walk_packets_avx2`] is compiled for; made by [`Kernels::of`] alone.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct HasAvx2(());
 
 impl Kernels {
-    /// The fastest that this processor has.
-    pub(crate) fn detect() -> Self {
+    /// Those for some instructions, as far as the processor has them.
+    pub(crate) fn of(isa: Isa) -> Self {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2")
+        if isa >= Isa::Avx2
+            && is_x86_feature_detected!("avx2")
             && is_x86_feature_detected!("bmi1")
             && is_x86_feature_detected!("bmi2")
             && is_x86_feature_detected!("lzcnt")
@@ -33,14 +35,14 @@ impl Kernels {
         Self::Portable
     }
 
-    /// Walks rays and hands hits and counts to `sink`, in order. Neighbours in the list share packets, which pays where they
-    /// are `coherent`.
+    /// Walks rays and hands hits and counts to `sink`, in order. Neighbours in the list share packets, which pays where
+    /// they go alike.
     pub(crate) fn walk<R, S>(
         self,
         scene: &Scene,
         stack: &mut Stack,
         walk: PacketWalk<'_>,
-        coherent: bool,
+        coherence: Coherence,
         rays: R,
         sink: S,
     ) where
@@ -51,7 +53,7 @@ impl Kernels {
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(proof) => walk_avx2(proof, scene, stack, walk, rays, sink),
             // Measured in words of SSE2: packets make camera rays faster, and incoherent ones a little slower.
-            Self::Portable if coherent => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
+            Self::Portable if coherence == Coherence::Coherent => rt_bvh::walk_packets(scene, stack, walk, rays, sink),
             Self::Portable => walk_alone(scene, stack, walk, rays, sink),
         }
     }

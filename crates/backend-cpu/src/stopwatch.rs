@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 /// Measures the processor time of the calling thread: unlike wall time it does not count the milliseconds for which the
-/// system ran something else, which on a shared machine would make cheap tasks look dear. Wall time where the system
-/// does not tell.
+/// system ran something else, which on a shared machine would make cheap tasks look expensive. Wall time where the
+/// system does not tell.
 #[derive(Debug)]
 pub(crate) struct Stopwatch(Duration);
 

@@ -1,6 +1,7 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
+use crate::launches::{Launches, WINDOW};
 use crate::packets::Kernels;
 use crate::stopwatch::Stopwatch;
 use rt_bvh::{PacketWalk, ReducedTree, Stack};
@@ -15,14 +16,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
-/// Rays that one of several threads traces before it looks for more work: large enough to hide the hand-over and the
-/// reading of the clock (about 1 µs), small enough that a task of 32 × 32 pixels feeds four threads. A device of one
-/// thread takes tasks whole.
+/// Fewest rays that one of several threads traces before it looks for more work: enough to hide the hand-over and the
+/// reading of the clock (about 1 µs), so few that a task of 32 × 32 pixels feeds four threads.
 const CHUNK: usize = 256;
 
-/// Where no more than one ray in so many is done, their lanes stay empty; where more are, packets are filled up with later
-/// rays. Filling up after every gap would take all packets out of step with the Z-curve's squares of pixels: with one
-/// ray in 64 done that cost 5% of tracing coherent rays.
+/// Where no more than one ray in so many is done, their lanes stay empty; where more are, packets are filled up with
+/// later rays. Filling up after every gap would take all packets out of step with the Z-curve's squares of pixels: with
+/// one ray in 64 done that cost 5% of tracing coherent rays.
 const FEW_DONE: u32 = 4;
 
 /// A scene resident on a CPU device.
@@ -70,12 +70,14 @@ impl CpuTracer {
     pub(crate) fn new(
         executor: Arc<Executor>,
         scene: Arc<Scene>,
+        kernels: Kernels,
+        launches: Option<Launches>,
         clock: Clock,
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
-        let kernels = Kernels::detect();
-        let worker = Worker { executor, kernels, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
+        let worker =
+            Worker { executor, kernels, launches, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -166,6 +168,8 @@ impl Tracer for CpuTracer {
 struct Worker {
     executor: Arc<Executor>,
     kernels: Kernels,
+    /// What traces launches that count nothing; absent for a scene of too many triangles.
+    launches: Option<Launches>,
     scene: Arc<Scene>,
     clock: Clock,
     /// Trees of reduced walks, made when the first of their kind is asked for.
@@ -214,7 +218,7 @@ impl Worker {
             // What an earlier launch left in the buffers is overwritten ray by ray.
             out.hits.resize(rays, Hit::MISS);
             out.counts.resize(if spec.counts { rays } else { 0 }, TestCounts::default());
-            let chunk = if self.executor.threads() == 1 { usize::MAX } else { CHUNK };
+            let chunk = chunk_of(rays, self.executor.threads());
             let mut seconds = vec![0.0_f32; tasks.iter().map(|t| (t.rays as usize).div_ceil(chunk)).sum()];
             let pieces = cut(tasks, chunk, &mut out.hits, &mut out.counts, &mut seconds);
             let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
@@ -244,6 +248,12 @@ impl Worker {
         let range = piece.first..piece.first + piece.hits.len() as u32;
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
+        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec)) {
+            let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
+            launches.trace(source, spec, range, done, piece.hits);
+            *piece.seconds = watch.seconds();
+            return;
+        }
         let set = |i: usize, hit: Hit, counts: TestCounts| {
             piece.hits[i] = hit;
             if let Some(slot) = piece.counts.get_mut(i) {
@@ -270,7 +280,7 @@ impl Worker {
             let none = (Ray::new([0.0; 3].into(), [0.0; 3].into()), u32::MAX);
             let rays = range.map(|ray| if number > 0 && is_done(ray) { none } else { source.ray(ray) });
             let mut i = 0;
-            self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, counts| {
+            self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, counts| {
                 set(i, hit, counts);
                 i += 1;
             });
@@ -281,7 +291,7 @@ impl Worker {
         done.iter().for_each(|ray| set((ray - first) as usize, Hit::MISS, TestCounts::default()));
         let mut slots = rest.iter().map(|ray| (ray - first) as usize);
         let rays = rest.iter().map(|&ray| source.ray(ray));
-        self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, counts| {
+        self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, counts| {
             if let Some(i) = slots.next() {
                 set(i, hit, counts);
             }
@@ -318,7 +328,7 @@ impl Worker {
                 |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
                     let mut i = 0;
                     let rays = rays.iter().map(|&ray| source.ray(ray));
-                    self.kernels.walk(&self.scene, stack, walk, is_coherent(source, spec), rays, |hit, count| {
+                    self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, count| {
                         (counts[i], hits[i]) = (count, hit);
                         i += 1;
                     });
@@ -333,11 +343,10 @@ impl Worker {
 }
 
 /// Whether rays that follow each other take similar paths: as the caller says, or as what made them does.
-fn is_coherent(source: &RaySource, spec: StreamSpec) -> bool {
-    match spec.coherence {
-        Coherence::Unknown => matches!(source, RaySource::Camera(_)),
-        Coherence::Coherent => true,
-        Coherence::Incoherent => false,
+pub(crate) const fn coherence(source: &RaySource, spec: StreamSpec) -> Coherence {
+    match (spec.coherence, source) {
+        (Coherence::Unknown, RaySource::Camera(_)) => Coherence::Coherent,
+        (coherence, _) => coherence,
     }
 }
 
@@ -348,6 +357,18 @@ fn scattered<T: Copy>(values: &[T], order: &[(u32, usize)]) -> Vec<T> {
         placed[place] = value;
     }
     placed
+}
+
+/// Rays that a thread traces before it looks for more work. One thread takes tasks whole; several take as many as
+/// kernels sort together, where that leaves enough for each of them.
+const fn chunk_of(rays: usize, threads: usize) -> usize {
+    if threads == 1 {
+        usize::MAX
+    } else if rays >= 4 * threads * WINDOW {
+        WINDOW
+    } else {
+        CHUNK
+    }
 }
 
 /// Cuts every task into pieces of at most `chunk` rays.

@@ -183,8 +183,8 @@ impl Drop for Instance {
     }
 }
 
-/// The extensions that we use of the validation layer: to hear it, and to choose what it looks at. Without the latter it
-/// is left to its own choice, which tests find out.
+/// The extensions that we use of the validation layer: to hear it, and to choose what it looks at. Without the latter
+/// it is left to its own choice, which tests find out.
 fn layer_extensions(entry: &ash::Entry, layer: &CStr) -> Result<Vec<*const c_char>, OpenError> {
     // SAFETY: the loader is loaded and has the layer.
     let found = unsafe { entry.enumerate_instance_extension_properties(Some(layer)) };

@@ -7,7 +7,7 @@ use crate::pipeline::{Bindings, Layout, Pipeline};
 use crate::timeline::Timeline;
 use crate::upload::Resident;
 use rt_core::{DeviceError, TestCounts};
-use rt_gpu::{Order, Work};
+use rt_gpu::{RayList, RayRecipe};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,11 +15,11 @@ use std::time::Duration;
 #[derive(Debug)]
 pub(crate) struct Job<'a> {
     /// The kernel that makes rays first, and what it is told.
-    pub making: Option<(Arc<Pipeline>, &'a Order)>,
+    pub making: Option<(Arc<Pipeline>, &'a RayRecipe)>,
     /// The kernel that traces.
     pub tracing: Arc<Pipeline>,
     /// Which rays.
-    pub work: &'a Work,
+    pub list: &'a RayList,
     /// Whether it counts.
     pub counted: bool,
 }
@@ -40,18 +40,18 @@ pub(crate) struct Slot {
     pipelines: [Option<Arc<Pipeline>>; 2],
 }
 
-/// Room for an order.
+/// Room for a recipe.
 #[derive(Debug)]
 struct Making {
     bindings: Bindings,
     upload: Buffer,
-    order: Buffer,
+    recipe: Buffer,
 }
 
 impl Making {
     fn new(logical: &Arc<Logical>, layout: &Arc<Layout>, bytes: u64) -> Result<Self, DeviceError> {
         let buffer = |purpose| Buffer::new(logical, "what rays are made of", bytes, purpose);
-        Ok(Self { bindings: Bindings::new(layout)?, upload: buffer(Use::Upload)?, order: buffer(Use::Kernel)? })
+        Ok(Self { bindings: Bindings::new(layout)?, upload: buffer(Use::Upload)?, recipe: buffer(Use::Kernel)? })
     }
 }
 
@@ -62,7 +62,7 @@ struct Room {
     items: u32,
     counted: u32,
     upload: Buffer,
-    work: Buffer,
+    list: Buffer,
     found: Buffer,
     found_back: Buffer,
     counts: Buffer,
@@ -82,7 +82,7 @@ impl Room {
             items,
             counted,
             upload: buffer("the list", words, WORD, Use::Upload)?,
-            work: buffer("the list", words, WORD, Use::Kernel)?,
+            list: buffer("the list", words, WORD, Use::Kernel)?,
             found: buffer("the hits", items, WORD, Use::Kernel)?,
             found_back: buffer("the hits", items, WORD, Use::Download)?,
             counts: buffer("the counts", counted, COUNTS, Use::Kernel)?,
@@ -116,13 +116,13 @@ impl Slot {
         &mut self,
         scene: &Resident,
         rays: &Buffer,
-        Job { making, tracing, work, counted }: Job<'_>,
+        Job { making, tracing, list, counted }: Job<'_>,
         timeline: &mut Timeline,
     ) -> Result<u64, DeviceError> {
-        if let Some((_, order)) = &making {
-            self.fill_order(order, scene, rays)?;
+        if let Some((_, recipe)) = &making {
+            self.fill_recipe(recipe, scene, rays)?;
         }
-        let (count, words) = (work.items(), work.words());
+        let (count, words) = (list.items(), list.words());
         let counts = if counted { count } else { 0 };
         let needed = [words.len() as u32, count, counts];
         if !self.room.fits(needed) {
@@ -133,22 +133,22 @@ impl Slot {
         let Self { commands, bindings, room, making: made, .. } = self;
         room.upload.write(0, words);
         let [nodes, triangles, primitives, frame] = scene.bindings(tracing.tree());
-        bindings.choose([nodes, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts]);
+        bindings.choose([nodes, triangles, primitives, frame, rays, &room.list, &room.found, &room.counts]);
         commands.record(|to| {
             // The launch before this one may still be running: its kernel must not be timed with ours.
             to.barrier(Stage::Kernel, Stage::Copy);
-            to.copy(&room.upload, &room.work, 0, size_of_val(words) as u64);
+            to.copy(&room.upload, &room.list, 0, size_of_val(words) as u64);
             let making = making.as_ref().zip(made.as_ref());
-            if let Some(((_, order), made)) = making {
-                to.copy(&made.upload, &made.order, 0, size_of_val(order.words()) as u64);
+            if let Some(((_, recipe), made)) = making {
+                to.copy(&made.upload, &made.recipe, 0, size_of_val(recipe.words()) as u64);
             }
             to.barrier(Stage::Copy, Stage::Kernel);
             to.stamp(0);
-            if let Some(((kernel, order), made)) = making {
-                to.run(kernel, &made.bindings, order.count());
+            if let Some(((kernel, recipe), made)) = making {
+                to.run(kernel, &made.bindings, recipe.count());
                 to.barrier(Stage::Kernel, Stage::Kernel);
             }
-            to.run(&tracing, bindings, work.lanes());
+            to.run(&tracing, bindings, list.lanes());
             to.stamp(1);
             to.barrier(Stage::Kernel, Stage::Copy);
             if count > 0 {
@@ -164,15 +164,15 @@ impl Slot {
         timeline.submit(self.commands.raw())
     }
 
-    /// Writes an order to where it is copied from, and chooses its kernel's buffers.
-    fn fill_order(&mut self, order: &Order, scene: &Resident, rays: &Buffer) -> Result<(), DeviceError> {
-        let bytes = size_of_val(order.words()) as u64;
+    /// Writes a recipe to where it is copied from, and chooses its kernel's buffers.
+    fn fill_recipe(&mut self, recipe: &RayRecipe, scene: &Resident, rays: &Buffer) -> Result<(), DeviceError> {
+        let bytes = size_of_val(recipe.words()) as u64;
         let making = match self.making.take() {
-            Some(making) if making.order.size() >= bytes => making,
+            Some(making) if making.recipe.size() >= bytes => making,
             _ => Making::new(&self.logical, &self.layout, bytes)?,
         };
-        let Making { bindings, upload, order: buffer, .. } = self.making.insert(making);
-        upload.write(0, order.words());
+        let Making { bindings, upload, recipe: buffer, .. } = self.making.insert(making);
+        upload.write(0, recipe.words());
         let [tree, triangles, primitives, frame] = scene.bindings(rt_gpu::Layout::Two);
         // Kernels that make rays read neither a list nor the last buffer.
         bindings.choose([tree, triangles, primitives, frame, frame, buffer, rays, frame]);

@@ -1,9 +1,9 @@
 //! The opened (Vulkan: logical) device, its queue and its limits.
 
-use crate::device::Options;
 use crate::error::{OpenError, failed, opening};
 use crate::instance::{Abilities, Instance};
 use crate::memory::Memory;
+use crate::options::Options;
 use ash::vk;
 use rt_core::{DeviceError, DeviceErrorKind};
 use rt_shaders::FloatControls;

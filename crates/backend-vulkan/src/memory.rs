@@ -44,7 +44,8 @@ impl Memory {
         Self { instance, physical, kinds, knows_budget, limit, taken: Mutex::default() }
     }
 
-    /// The first kind of memory among `allowed` (a bit each) with all of the first properties that some kind has all of.
+    /// The first kind of memory among `allowed` (a bit each) with all of the first properties that some kind has all
+    /// of.
     pub(crate) fn kind(&self, allowed: u32, wishes: &[vk::MemoryPropertyFlags]) -> Option<u32> {
         let kinds = self.kinds.memory_types_as_slice();
         let fits = |wish: vk::MemoryPropertyFlags| {

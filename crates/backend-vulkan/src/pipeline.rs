@@ -98,8 +98,8 @@ impl Pipeline {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, what));
         }
         let info = vk::ShaderModuleCreateInfo::default().code(code);
-        // SAFETY: the code is valid SPIR-V and asks for nothing that the device lacks: it is what naga made of the kernel,
-        // or the maker of a `Replacement` vouched for it.
+        // SAFETY: the code is valid SPIR-V and asks for nothing that the device lacks: it is what naga made of the
+        // kernel, or the maker of a `Replacement` vouched for it.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(refused)?;
         let stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::COMPUTE)

@@ -2,13 +2,13 @@
 
 use crate::buffer::{Buffer, Use};
 use crate::commands::{Commands, Stage};
-use crate::device::Shared;
 use crate::pipeline::Bindings;
+use crate::shared::Shared;
 use crate::timeline::Timeline;
 use bytemuck::AnyBitPattern;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::DeviceError;
-use rt_gpu::{Order, PATIENCE, SceneImage, arithmetic, bounce, camera};
+use rt_gpu::{PATIENCE, RayRecipe, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 
 /// In words, the first numbers with which the device does not compute as it must; `None` if it always does.
@@ -19,21 +19,26 @@ pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, Device
     Ok(arithmetic::first_fault(&answers))
 }
 
+/// Whether a kernel that makes rays makes those of the host; found out when it is first asked.
+pub(crate) fn makes(shared: &Shared, purpose: Purpose) -> bool {
+    shared.trials.passed(purpose, || check_camera(shared), |trials| check_bounces(shared, trials))
+}
+
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
-pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    camera::fault(|order| make(shared, None, order))
+fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
+    camera::fault(|recipe| make(shared, None, recipe))
 }
 
 /// The same of rays that leave surfaces.
 pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
-    bounce::fault(trials, |scene, order| make(shared, Some(scene), order))
+    bounce::fault(trials, |scene, recipe| make(shared, Some(scene), recipe))
 }
 
 /// The rays that a kernel makes.
-fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, order: &Order) -> Result<Vec<KernelRay>, DeviceError> {
+fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, recipe: &RayRecipe) -> Result<Vec<KernelRay>, DeviceError> {
     let [_, triangles, primitives, _] = scene.map_or([&[][..]; 4], |scene| scene.buffers().map(|(_, bytes)| bytes));
-    let inputs = [triangles, primitives, &[], bytemuck::cast_slice(order.words())];
-    ask(shared, order.purpose(), inputs, order.count() as usize)
+    let inputs = [triangles, primitives, &[], bytemuck::cast_slice(recipe.words())];
+    ask(shared, recipe.purpose(), inputs, recipe.count() as usize)
 }
 
 /// Runs a kernel that reads bindings 1, 2, 4 and 5 and writes `count` answers, each by an invocation, to binding 6.
@@ -55,8 +60,8 @@ fn ask<T: AnyBitPattern>(
     let (answers, download) = (buffer(wanted, Use::Kernel)?, buffer(wanted, Use::Download)?);
     let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
     let mut bindings = Bindings::new(shared.layout())?;
-    let [triangles, primitives, list, order] = std::array::from_fn(|i| &given[i].1);
-    bindings.choose([triangles, triangles, primitives, triangles, list, order, &answers, list]);
+    let [triangles, primitives, list, recipe] = std::array::from_fn(|i| &given[i].1);
+    bindings.choose([triangles, triangles, primitives, triangles, list, recipe, &answers, list]);
     let (mut commands, mut timeline) = (Commands::new(logical)?, Timeline::new(logical)?);
     commands.record(|to| {
         for (upload, buffer, size) in given.iter().filter(|(_, _, size)| *size > 0) {

@@ -55,8 +55,8 @@ impl Timeline {
         })
     }
 
-    /// Waits until everything that was submitted is done, at most `limit`; says whether it is. What a lost device had to
-    /// do is done: it does nothing any more.
+    /// Waits until everything that was submitted is done, at most `limit`; says whether it is. What a lost device had
+    /// to do is done: it does nothing any more.
     pub(crate) fn idle(&self, limit: Duration) -> bool {
         self.submitted == 0
             || matches!(self.wait_for(self.submitted, limit), Ok(()) | Err(vk::Result::ERROR_DEVICE_LOST))

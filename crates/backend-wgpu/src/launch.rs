@@ -4,7 +4,7 @@ use crate::opened::Opened;
 use crate::pipeline::{BUFFERS, Pipeline};
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
-use rt_gpu::{Answer, Order, Work};
+use rt_gpu::{Answer, RayList, RayRecipe};
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -23,11 +23,11 @@ const STAMPS: u64 = 16;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Job<'a> {
     /// The kernel that makes rays first, and what it is told.
-    pub making: Option<(&'a Pipeline, &'a Order)>,
+    pub making: Option<(&'a Pipeline, &'a RayRecipe)>,
     /// The kernel that traces.
     pub tracing: &'a Pipeline,
     /// Which rays.
-    pub work: &'a Work,
+    pub list: &'a RayList,
     /// Whether it counts.
     pub counted: bool,
 }
@@ -38,7 +38,7 @@ pub(crate) struct Slot {
     opened: Arc<Opened>,
     room: Room,
     /// For what the device makes rays of.
-    order: Option<Buffer>,
+    recipe: Option<Buffer>,
     stamps: Option<Stamps>,
     running: Option<Running>,
 }
@@ -49,7 +49,7 @@ struct Room {
     words: u32,
     items: u32,
     counted: u32,
-    work: Buffer,
+    list: Buffer,
     found: Buffer,
     counts: Buffer,
     /// What goes back to the host: see [`Back`].
@@ -102,7 +102,7 @@ impl Room {
             words,
             items,
             counted,
-            work: buffer("the list", u64::from(words) * WORD, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
+            list: buffer("the list", u64::from(words) * WORD, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
             found: buffer("the hits", u64::from(items) * WORD, written)?,
             counts: buffer("the counts", u64::from(counted) * COUNTS, written)?,
             back: buffer(
@@ -128,16 +128,16 @@ impl Stamps {
 impl Slot {
     pub(crate) fn new(opened: &Arc<Opened>) -> Result<Self, DeviceError> {
         let stamps = opened.tick.map(|tick| Stamps::new(opened, tick)).transpose()?;
-        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, [0; 3])?, order: None, stamps, running: None })
+        Ok(Self { opened: Arc::clone(opened), room: Room::new(opened, [0; 3])?, recipe: None, stamps, running: None })
     }
 
     /// Makes and traces rays of `rays`. The slot's last launch is done. `scene` are the buffers of bindings 0 to 3.
     pub(crate) fn start(&mut self, scene: [&Buffer; 4], rays: &Buffer, job: Job<'_>) -> Result<(), DeviceError> {
-        let Job { work, counted, .. } = job;
-        if let Some((_, order)) = job.making {
-            self.fill_order(order)?;
+        let Job { list, counted, .. } = job;
+        if let Some((_, recipe)) = job.making {
+            self.fill_recipe(recipe)?;
         }
-        let (count, words) = (work.items(), work.words());
+        let (count, words) = (list.items(), list.words());
         let counts = if counted { count } else { 0 };
         let needed = [words.len() as u32, count, counts];
         let there = [self.room.words, self.room.items, self.room.counted];
@@ -146,7 +146,7 @@ impl Slot {
         }
         let back = Back::new(count, counts);
         let Self { opened, room, .. } = &*self;
-        opened.queue.write_buffer(&room.work, 0, bytemuck::cast_slice(words));
+        opened.queue.write_buffer(&room.list, 0, bytemuck::cast_slice(words));
         let (tell, mapped) = sync_channel(1);
         let done = opened.scoped("start a launch", DeviceErrorKind::Lost, || {
             let done = self.submit(scene, rays, job, back);
@@ -160,28 +160,28 @@ impl Slot {
         Ok(())
     }
 
-    /// Sends an order to the device.
-    fn fill_order(&mut self, order: &Order) -> Result<(), DeviceError> {
-        let bytes: &[u8] = bytemuck::cast_slice(order.words());
+    /// Sends a recipe to the device.
+    fn fill_recipe(&mut self, recipe: &RayRecipe) -> Result<(), DeviceError> {
+        let bytes: &[u8] = bytemuck::cast_slice(recipe.words());
         let size = bytes.len() as u64;
-        let buffer = match self.order.take() {
+        let buffer = match self.recipe.take() {
             Some(buffer) if buffer.size() >= size => buffer,
             _ => self.opened.buffer("what rays are made of", size, BufferUsages::STORAGE | BufferUsages::COPY_DST)?,
         };
-        let Self { opened, order, .. } = self;
-        let buffer = order.insert(buffer);
+        let Self { opened, recipe, .. } = self;
+        let buffer = recipe.insert(buffer);
         opened.scoped("write a buffer", DeviceErrorKind::Lost, || opened.queue.write_buffer(buffer, 0, bytes))
     }
 
     fn submit(&self, scene: [&Buffer; 4], rays: &Buffer, job: Job<'_>, back: Back) -> SubmissionIndex {
-        let Self { opened, room, order, stamps, .. } = self;
+        let Self { opened, room, recipe, stamps, .. } = self;
         let [tree, triangles, primitives, frame] = scene;
         let buffers: [&Buffer; BUFFERS] =
-            [tree, triangles, primitives, frame, rays, &room.work, &room.found, &room.counts];
+            [tree, triangles, primitives, frame, rays, &room.list, &room.found, &room.counts];
         let bindings = job.tracing.bind(&opened.device, buffers);
-        let making = job.making.zip(order.as_ref()).map(|((kernel, given), order)| {
+        let making = job.making.zip(recipe.as_ref()).map(|((kernel, given), recipe)| {
             // It reads no tree, and no list of rays.
-            let buffers = [tree, triangles, primitives, frame, frame, order, rays, frame];
+            let buffers = [tree, triangles, primitives, frame, frame, recipe, rays, frame];
             (kernel, kernel.bind(&opened.device, buffers), given.count())
         });
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -194,7 +194,7 @@ impl Slot {
         if let Some((kernel, bindings, count)) = &making {
             kernel.run(opened, &mut pass, bindings, *count);
         }
-        job.tracing.run(opened, &mut pass, &bindings, job.work.lanes());
+        job.tracing.run(opened, &mut pass, &bindings, job.list.lanes());
         drop(pass);
         encoder.copy_buffer_to_buffer(&room.found, 0, &room.back, 0, back.found);
         let [start, end] = back.counts;

@@ -21,12 +21,12 @@ pub(crate) struct Opened {
     pub groups: u32,
     /// Nanoseconds of one tick of a timestamp, where there are timestamps.
     pub tick: Option<f64>,
-    trouble: Arc<Trouble>,
+    faults: Arc<Faults>,
 }
 
 /// What wgpu says of the device outside of any call.
 #[derive(Debug, Default)]
-struct Trouble {
+struct Faults {
     /// Why the device is of no more use.
     lost: OnceLock<String>,
     /// An error that no scope was open for.
@@ -46,13 +46,13 @@ impl Opened {
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|error| OpenError::Refused { name: name.to_owned(), reason: error.to_string() })?;
-        let trouble = Arc::<Trouble>::default();
-        let told = Arc::clone(&trouble);
+        let faults = Arc::<Faults>::default();
+        let told = Arc::clone(&faults);
         device.set_device_lost_callback(move |reason, message| {
             // Only the first reason counts.
             let _ = told.lost.set(format!("{reason:?}: {message}"));
         });
-        let told = Arc::clone(&trouble);
+        let told = Arc::clone(&faults);
         device.on_uncaptured_error(Arc::new(move |error| {
             told.uncaptured.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }));
@@ -63,23 +63,23 @@ impl Opened {
             device,
             queue,
             tick,
-            trouble,
+            faults,
         })
     }
 
     /// An error if the device was lost, or something went wrong since the last call.
     pub(crate) fn check(&self) -> Result<(), DeviceError> {
-        if let Some(reason) = self.trouble.lost.get() {
+        if let Some(reason) = self.faults.lost.get() {
             return Err(DeviceError::new(DeviceErrorKind::Lost, format!("the wgpu device was lost: {reason}")));
         }
-        match self.trouble.uncaptured.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        match self.faults.uncaptured.lock().unwrap_or_else(PoisonError::into_inner).take() {
             Some(error) => Err(failed("go on", error, DeviceErrorKind::Lost)),
             None => Ok(()),
         }
     }
 
-    /// Makes calls of wgpu, which are to `task`. What it objects to becomes an error, of kind `otherwise` unless memory is
-    /// wanting.
+    /// Makes calls of wgpu, which are to `task`. What it objects to becomes an error, of kind `otherwise` unless memory
+    /// is wanting.
     pub(crate) fn scoped<T>(
         &self,
         task: &str,
@@ -143,7 +143,7 @@ impl Opened {
 
     /// Takes note that the device is of no more use, and never closes it: wgpu would wait for it without end.
     pub(crate) fn lose(self: &Arc<Self>, reason: &str) -> DeviceError {
-        if self.trouble.lost.set(reason.to_owned()).is_ok() {
+        if self.faults.lost.set(reason.to_owned()).is_ok() {
             std::mem::forget(Arc::clone(self));
         }
         DeviceError::new(DeviceErrorKind::Lost, format!("the wgpu device was lost: {reason}"))

@@ -1,10 +1,10 @@
 //! Asking a device a question by a kernel of its own: whether it rounds as the others rely on, and makes rays.
 
-use crate::device::Shared;
+use crate::shared::Shared;
 use bytemuck::Pod;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Order, PATIENCE, SceneImage, arithmetic, bounce, camera};
+use rt_gpu::{PATIENCE, RayRecipe, SceneImage, arithmetic, bounce, camera};
 use rt_shaders::{Layout, Purpose};
 use std::sync::mpsc::sync_channel;
 use wgpu::{BufferUsages, ComputePassDescriptor, MapMode};
@@ -17,21 +17,26 @@ pub(crate) fn check_arithmetic(shared: &Shared) -> Result<Option<String>, Device
     Ok(arithmetic::first_fault(&answers))
 }
 
+/// Whether a kernel that makes rays makes those of the host; found out when it is first asked.
+pub(crate) fn makes(shared: &Shared, purpose: Purpose) -> bool {
+    shared.trials.passed(purpose, || check_camera(shared), |trials| check_bounces(shared, trials))
+}
+
 /// In words, the first camera ray that the device makes otherwise than the host; `None` if there is none.
-pub(crate) fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
-    camera::fault(|order| make(shared, None, order))
+fn check_camera(shared: &Shared) -> Result<Option<String>, DeviceError> {
+    camera::fault(|recipe| make(shared, None, recipe))
 }
 
 /// The same of rays that leave surfaces.
 pub(crate) fn check_bounces(shared: &Shared, trials: &[bounce::Trial]) -> Result<Option<String>, DeviceError> {
-    bounce::fault(trials, |scene, order| make(shared, Some(scene), order))
+    bounce::fault(trials, |scene, recipe| make(shared, Some(scene), recipe))
 }
 
 /// The rays that a kernel makes.
-fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, order: &Order) -> Result<Vec<KernelRay>, DeviceError> {
+fn make(shared: &Shared, scene: Option<&SceneImage<'_>>, recipe: &RayRecipe) -> Result<Vec<KernelRay>, DeviceError> {
     let [_, triangles, primitives, _] = scene.map_or([&[][..]; 4], |scene| scene.buffers().map(|(_, bytes)| bytes));
-    let inputs = [triangles, primitives, &[], bytemuck::cast_slice(order.words())];
-    ask(shared, order.purpose(), inputs, order.count())
+    let inputs = [triangles, primitives, &[], bytemuck::cast_slice(recipe.words())];
+    ask(shared, recipe.purpose(), inputs, recipe.count())
 }
 
 /// Runs a kernel that reads bindings 1, 2, 4 and 5 and writes `count` answers, each by an invocation, to binding 6.
@@ -42,7 +47,7 @@ fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 4], count: u32
     for bytes in inputs {
         given.push(opened.buffer("numbers", bytes.len() as u64, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
     }
-    let [triangles, primitives, list, order] = std::array::from_fn(|i| &given[i]);
+    let [triangles, primitives, list, recipe] = std::array::from_fn(|i| &given[i]);
     let answers = opened.buffer("numbers", wanted, BufferUsages::STORAGE | BufferUsages::COPY_SRC)?;
     let back = opened.buffer("numbers", wanted, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
     let pipeline = shared.pipeline(Layout::Two, purpose, 0)?;
@@ -51,7 +56,7 @@ fn ask<T: Pod>(shared: &Shared, purpose: Purpose, inputs: [&[u8]; 4], count: u32
         for (buffer, bytes) in given.iter().zip(inputs).filter(|(_, bytes)| !bytes.is_empty()) {
             opened.queue.write_buffer(buffer, 0, bytes);
         }
-        let buffers = [triangles, triangles, primitives, triangles, list, order, &answers, list];
+        let buffers = [triangles, triangles, primitives, triangles, list, recipe, &answers, list];
         let bindings = pipeline.bind(&opened.device, buffers);
         let mut encoder = opened.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());

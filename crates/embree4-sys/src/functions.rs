@@ -105,4 +105,11 @@ functions! {
     ) -> (), else ();
     /// Finds out whether anything is hit; then sets `tfar` to −∞.
     rtcOccluded1(scene: RTCScene, ray: *mut RTCRay, arguments: *mut RTCOccludedArguments) -> (), else ();
+    /// The same for sixteen rays.
+    rtcOccluded16(
+        valid: *const c_int,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        arguments: *mut RTCOccludedArguments
+    ) -> (), else ();
 }

@@ -1,5 +1,6 @@
 //! A scene of one triangle mesh, safe to use: what `embree4-rs` has no calls for.
 
+use crate::arguments::{RTCIntersectArguments, RTCOccludedArguments};
 use crate::enums::*;
 use crate::filter::{FilterContext, Occluder};
 use crate::functions::*;
@@ -155,12 +156,24 @@ impl Mesh {
         (rayhit.hit.geomID != RTC_INVALID_GEOMETRY_ID).then_some(rayhit)
     }
 
-    /// The nearest hits of sixteen rays; `geomID` says which of them are hits.
+    /// The nearest hits of sixteen rays, which are coherent if `flags` say so; `geomID` says which of them are hits.
     #[inline]
-    pub fn closest_16(&self, rays: &mut RTCRayHit16) {
+    pub fn closest_16(&self, rays: &mut RTCRayHit16, flags: RTCRayQueryFlags) {
         let valid = Valid16([-1; 16]);
-        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need.
-        unsafe { rtcIntersect16(valid.0.as_ptr(), self.scene.0, from_mut(rays), null_mut()) }
+        let mut arguments = RTCIntersectArguments { flags, ..RTCIntersectArguments::default() };
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need; the
+        // arguments outlive the query.
+        unsafe { rtcIntersect16(valid.0.as_ptr(), self.scene.0, from_mut(rays), &raw mut arguments) }
+    }
+
+    /// Whether each of sixteen rays hits anything: then its `tfar` becomes −∞.
+    #[inline]
+    pub fn occluded_16(&self, rays: &mut RTCRay16, flags: RTCRayQueryFlags) {
+        let valid = Valid16([-1; 16]);
+        let mut arguments = RTCOccludedArguments { flags, ..RTCOccludedArguments::default() };
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need; the
+        // arguments outlive the query.
+        unsafe { rtcOccluded16(valid.0.as_ptr(), self.scene.0, from_mut(rays), &raw mut arguments) }
     }
 
     /// Whether the ray hits anything.

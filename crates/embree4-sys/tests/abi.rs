@@ -165,7 +165,7 @@ fn packets_and_single_rays_agree() -> Result<(), Failed> {
     let mesh = mesh(RTCSceneFlags::ROBUST)?;
     let mut packet = Box::new(RTCRayHit16::default());
     fill(&mut packet);
-    mesh.closest_16(&mut packet);
+    mesh.closest_16(&mut packet, RTCRayQueryFlags::INCOHERENT);
     let mut hits = 0;
     for i in 0..16 {
         let single = mesh.closest(along_z(i as f32 / 4.0)).map(|hit| hit.hit.primID);

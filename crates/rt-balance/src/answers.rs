@@ -2,10 +2,10 @@
 //!
 //! Two nets, of different mesh. *What cannot be true* is looked for in every hit, since it costs next to nothing beside
 //! copying it: another number of hits than rays, a primitive that the scene does not have or that the ray starts on, a
-//! distance that is no number or outside the ray. One such hit, and the device is not believed any more. *What is not true* is
-//! looked for in a sample, which the host traces again ([`Audit`]): a single hit that is refused may be a rounding that the
-//! host sees otherwise, so it is replaced by the host's and counted; a device of which more than [`MOST_REFUSED`](rt_core::arguments::MOST_REFUSED) is refused
-//! is not believed.
+//! distance that is no number or outside the ray. One such hit, and the device is not believed any more. *What is not
+//! true* is looked for in a sample, which the host traces again ([`Audit`]): a single hit that is refused may be a
+//! rounding that the host sees otherwise, so it is replaced by the host's and counted; a device of which more than
+//! [`MOST_REFUSED`](rt_core::arguments::MOST_REFUSED) is refused is not believed.
 //!
 //! A device that is not believed drops out, and all that it brought in the stream is done again by others.
 //!
@@ -19,8 +19,8 @@ use rt_core::{
 };
 use std::sync::Arc;
 
-/// Rays of a launch that are traced again where one of the sample was refused: enough to tell a share of a thirty-second
-/// from a single ray.
+/// Rays of a launch that are traced again where one of the sample was refused: enough to tell a share of a
+/// thirty-second from a single ray.
 const CLOSER_LOOK: usize = 256;
 
 /// Relative difference of distances that a rounding may make: single precision at grazing angles.
@@ -54,8 +54,8 @@ impl Audit {
 }
 
 impl Default for Audit {
-    /// One ray in ten thousand, and one of each launch: a thousandth of the time of a launch of a thousand rays. A device
-    /// whose launches are wrong in half of their rays is found out in its first two, on average.
+    /// One ray in ten thousand, and one of each launch: a thousandth of the time of a launch of a thousand rays. A
+    /// device whose launches are wrong in half of their rays is found out in its first two, on average.
     fn default() -> Self {
         Self(1e-4)
     }
@@ -272,7 +272,8 @@ fn is_possible(hit: &Hit, [tmin, tmax]: [f32; 2], start: u32, primitives: u32) -
         && weights.contains(&hit.v)
 }
 
-/// Whether an answer is as good as the host's: the same but for a rounding. Of several candidates for any hit, each is right.
+/// Whether an answer is as good as the host's: the same but for a rounding. Of several candidates for any hit, each is
+/// right.
 fn is_right(hit: &Hit, right: &Hit, query: Query) -> bool {
     let as_near = (hit.t - right.t).abs() <= ROUNDING * right.t.abs().max(f32::MIN_POSITIVE);
     hit == right || hit.is_hit() && right.is_hit() && (query == Query::Any || as_near)

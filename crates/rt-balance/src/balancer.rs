@@ -1,14 +1,14 @@
 //! The balancer: one scene, several devices, and what was learned about them.
 
+use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
+use crate::device_thread::Call;
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::member::{Member, all_lost, ask_all, dismiss, settle};
-use crate::models::{Key, blind_excess};
+use crate::models::{Key, uninformed_excess};
 use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
-use crate::worker::Call;
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
     CostEstimator, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream,
@@ -23,19 +23,19 @@ use std::time::Duration;
 /// It learns while it works: the seconds each device needs per ray, box test and triangle test are fitted from its
 /// launches, so later streams are scheduled by better models.
 ///
-/// A device that fails is dropped and its tasks go to the others: whether it says so, panics, does not answer within the
-/// [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long as the
-/// balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
+/// A device that fails is dropped and its tasks go to the others: whether it says so, panics, does not answer within
+/// the [`Limits`], or answers what is not true ([`Audit`](crate::Audit)). Each device has a thread of its own as long
+/// as the balancer lives. One that does not answer is left behind with what it holds: threads cannot be killed.
 ///
-/// The calling thread's floating-point environment (rounding, subnormal numbers) changes no bit of a hit; the caller's own
-/// code that is called meanwhile finds the default one.
+/// The calling thread's floating-point environment (rounding, subnormal numbers) changes no bit of a hit; the caller's
+/// own code that is called meanwhile finds the default one.
 ///
-/// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own, on
-/// other devices or the same, or waits behind the caller's own lock.
+/// One stream is traced at a time: `&mut self` says so. A second thread that wants to trace has a balancer of its own,
+/// on other devices or the same, or waits behind the caller's own lock.
 #[derive(Debug)]
 pub struct Balancer {
     scene: Arc<Scene>,
-    members: Vec<Member>,
+    members: Vec<DeviceState>,
     origin: Duration,
 }
 
@@ -43,14 +43,14 @@ impl Balancer {
     /// Brings `scene` to every device. One that cannot take it is left out of every stream, and reports say why.
     ///
     /// # Errors
-    /// When there is no device, none of them can take the scene (then the first one's error), or the system cannot start a
-    /// thread for each.
+    /// When there is no device, none of them can take the scene (then the first one's error), or the system cannot
+    /// start a thread for each.
     pub fn new(scene: Arc<Scene>, devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
         Self::open(scene, devices, &Limits::default(), Control::default())
     }
 
-    /// [`Balancer::new`] for devices that may take so long, and for a caller who may cancel. A device that is not ready in
-    /// time joins later.
+    /// [`Balancer::new`] for devices that may take so long, and for a caller who may cancel. A device that is not ready
+    /// in time joins later.
     ///
     /// # Errors
     /// As for [`Balancer::new`], and when the caller cancels.
@@ -65,13 +65,13 @@ impl Balancer {
         }
         let mut balancer = Self { scene, members: Vec::with_capacity(devices.len()), origin: clock::now() };
         for (index, device) in devices.iter().enumerate() {
-            let member = Member::open(index, device, &balancer.scene);
+            let member = DeviceState::open(index, device, &balancer.scene);
             balancer
                 .members
                 .push(member.map_err(|source| BalanceError::Thread { device: format!("device {index}"), source })?);
         }
         settle(&mut balancer.members, limits, control)?;
-        if balancer.members.iter().any(Member::is_alive) {
+        if balancer.members.iter().any(DeviceState::is_alive) {
             return Ok(balancer);
         }
         // None is alive, so each has failed.
@@ -129,8 +129,8 @@ impl Balancer {
     /// caller cancelled, or every device failed. Hits of finished tasks are in the output even then.
     ///
     /// # Panics
-    /// Where the caller's own code does: estimator, policy, queue or progress callback. The devices come to rest first, and
-    /// are as good as before.
+    /// Where the caller's own code does: estimator, policy, queue or progress callback. The devices come to rest first,
+    /// and are as good as before.
     pub fn trace(
         &mut self,
         stream: &Stream,
@@ -153,8 +153,9 @@ impl Balancer {
         let traced = catch_unwind(AssertUnwindSafe(|| {
             loop {
                 match self.trace_into(stream, scheduling, &mut output, control) {
-                    // All that began have failed, but some were late. Each time round at least one device fewer is alive.
-                    Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(Member::may_come) => {}
+                    // All that began have failed, but some were late. Each time round at least one device fewer is
+                    // alive.
+                    Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(DeviceState::may_come) => {}
                     traced => return traced,
                 }
             }
@@ -175,17 +176,17 @@ impl Balancer {
     ) -> Result<StreamRun, BalanceError> {
         let (limits, tasks) = (scheduling.limits, stream.tasks.len());
         let setup = clock::now();
-        self.members.iter_mut().for_each(Member::begin);
+        self.members.iter_mut().for_each(DeviceState::begin);
         let untouched = |error: BalanceError| error.with_unfinished(tasks);
         settle(&mut self.members, &limits, control).map_err(untouched)?;
         self.prepare(stream, &*scheduling.estimator, &limits, control).map_err(untouched)?;
         let begin = clock::now();
         self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || blind_excess(&self.members, &*scheduling.queue, tasks);
-        let blind = scheduling.blind_excess.unwrap_or_else(expected);
+        let expected = || uninformed_excess(&self.members, &*scheduling.queue, tasks);
+        let uninformed = scheduling.uninformed_excess.unwrap_or_else(expected);
         let estimator = &mut *scheduling.estimator;
-        let estimated = estimate(&mut self.members, stream, estimator, blind, output, &limits, control);
+        let estimated = estimate(&mut self.members, stream, estimator, uninformed, output, &limits, control);
         let estimated = estimated.map_err(untouched)?;
         let key = Key::of(&*scheduling.estimator, stream);
         learn_walks(&mut self.members, key, &estimated);
@@ -194,7 +195,12 @@ impl Balancer {
         let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
         let end = clock::now();
 
-        teach(&mut *scheduling.estimator, stream.view(plan.lanes.len(), estimated.blind_excess), &estimated, &ran);
+        teach(
+            &mut *scheduling.estimator,
+            stream.view(plan.workers.len(), estimated.uninformed_excess),
+            &estimated,
+            &ran,
+        );
         learn_launches(&mut self.members, key, &plan, &ran);
         let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
         Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
@@ -213,8 +219,8 @@ impl Balancer {
         Ok(())
     }
 
-    /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that refuses
-    /// them is left out of the stream.
+    /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that
+    /// refuses them is left out of the stream.
     pub(crate) fn load(
         &mut self,
         stream: &Stream,
@@ -240,7 +246,7 @@ impl Balancer {
             self.members[index].leave_out(&error);
             refused.push((index, error));
         }
-        if self.members.iter().any(Member::is_ready) {
+        if self.members.iter().any(DeviceState::is_ready) {
             for member in self.members.iter_mut().filter(|member| member.may_come() && !member.is_ready()) {
                 member.remark = Some("it was not ready in time: left out of this stream".to_owned());
             }
@@ -253,7 +259,7 @@ impl Balancer {
     }
 
     /// The devices, and the clock's begin.
-    pub(crate) fn members(&mut self) -> &mut [Member] {
+    pub(crate) fn members(&mut self) -> &mut [DeviceState] {
         &mut self.members
     }
 }

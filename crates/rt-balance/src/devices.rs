@@ -3,7 +3,7 @@
 //! An entry is `cpu[:threads][@speed]`, and with the features of the same names `vulkan:index[@speed]` and
 //! `wgpu:index[@speed]`. Devices of other backends are opened by their own functions and put beside these.
 
-use crate::cpu::{self, CpuDevice};
+use crate::cpu::{self, CpuDevice, Isa};
 use crate::middleware::Throttled;
 use rt_core::Device;
 use std::error::Error;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 mod cards;
 
 #[cfg(feature = "gpu")]
-pub use cards::{Api, CardOptions, Found, first_software_entry};
+pub use cards::{Api, CardOptions, Found, check_environment, first_software_entry};
 
 /// The list that stands for whatever this machine has.
 pub const AUTO: &str = "auto";
@@ -53,12 +53,13 @@ pub struct Opened {
 /// Opens devices by name.
 #[derive(Debug, Default)]
 pub struct Opener {
+    isa: Option<Isa>,
     #[cfg(feature = "gpu")]
     cards: cards::Cards,
 }
 
 impl Opener {
-    /// An opener that leaves all choices about graphics cards to their backends.
+    /// An opener that leaves all choices to the backends.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -68,7 +69,14 @@ impl Opener {
     #[cfg(feature = "gpu")]
     #[must_use]
     pub fn with_cards(options: CardOptions) -> Self {
-        Self { cards: cards::Cards::new(options) }
+        Self { isa: None, cards: cards::Cards::new(options) }
+    }
+
+    /// The same with instructions for CPU devices; `None`: as [`CpuDevice::open_all`] chooses them.
+    #[must_use]
+    pub const fn with_isa(mut self, isa: Option<Isa>) -> Self {
+        self.isa = isa;
+        self
     }
 
     /// Opens the devices of a list that are to work at the same time: CPU devices share the cores.
@@ -88,7 +96,8 @@ impl Opener {
             #[cfg(feature = "gpu")]
             Kind::Card(..) => None,
         };
-        let mut cpus = CpuDevice::open_all(&specs.iter().filter_map(threads).collect::<Vec<_>>())?.into_iter();
+        let threads: Vec<usize> = specs.iter().filter_map(threads).collect();
+        let mut cpus = CpuDevice::open_all_with(&threads, self.isa)?.into_iter();
         let mut devices = Vec::new();
         for (entry, Spec { kind, speed }) in entries.into_iter().zip(specs) {
             let mut opened = match kind {

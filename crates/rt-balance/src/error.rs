@@ -60,8 +60,8 @@ pub enum BalanceError {
         /// What is wrong.
         mistake: String,
     },
-    /// [`Scheduling::blind_excess`](crate::Scheduling::blind_excess) is no share.
-    BlindExcess(f64),
+    /// [`Scheduling::uninformed_excess`](crate::Scheduling::uninformed_excess) is no share.
+    UninformedExcess(f64),
     /// The system cannot start a thread for a device.
     Thread {
         /// Name of the device, or its number.
@@ -120,8 +120,8 @@ impl fmt::Display for BalanceError {
             Self::Estimator { estimator, mistake } => write!(f, "estimator {estimator}: {mistake}"),
             Self::Policy { policy, mistake } => write!(f, "policy {policy}: {mistake}"),
             Self::Queue { queue, mistake } => write!(f, "{queue} queue: {mistake}"),
-            Self::BlindExcess(found) => {
-                write!(f, "blind_excess is {found}: give a share of the makespan, from 0 up, or None")
+            Self::UninformedExcess(found) => {
+                write!(f, "uninformed_excess is {found}: give a share of the makespan, from 0 up, or None")
             }
             Self::Thread { device, .. } => {
                 write!(

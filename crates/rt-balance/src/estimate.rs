@@ -1,7 +1,7 @@
 //! Asks an estimator what a stream's tasks will cost, and the devices what it wants to know.
 
+use crate::device_state::{DeviceState, cancelled};
 use crate::limits::Limits;
-use crate::member::{Member, cancelled};
 use crate::output::Output;
 use crate::record::WalkDone;
 use crate::walk::{Found, walk_on_all};
@@ -23,7 +23,7 @@ pub(crate) struct Estimated {
     pub(crate) walked: u64,
     pub(crate) walks: Vec<WalkDone>,
     /// What was expected to be lost without it.
-    pub(crate) blind_excess: f64,
+    pub(crate) uninformed_excess: f64,
     /// Wall seconds that it took.
     pub(crate) seconds: f64,
 }
@@ -48,10 +48,10 @@ impl Finders {
 /// # Errors
 /// When the caller cancels, the estimator asks or answers what makes no sense, or nobody can walk.
 pub(crate) fn estimate(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     stream: &Stream,
     estimator: &mut dyn CostEstimator,
-    blind_excess: f64,
+    uninformed_excess: f64,
     output: &mut Output<'_>,
     limits: &Limits,
     control: Control<'_>,
@@ -66,12 +66,12 @@ pub(crate) fn estimate(
         if control.is_cancelled() {
             return Err(cancelled());
         }
-        match estimator.next(stream.view(devices, blind_excess), Observation { rays: &rays, counts: &counts }) {
+        match estimator.next(stream.view(devices, uninformed_excess), Observation { rays: &rays, counts: &counts }) {
             Step::Done(work) => {
                 check_work(estimator, stream, &work)?;
                 let seconds = clock::now().saturating_sub(begin).as_secs_f64();
                 let kept = kept.map(Arc::new);
-                return Ok(Estimated { work, kept, finders, walked, walks, blind_excess, seconds });
+                return Ok(Estimated { work, kept, finders, walked, walks, uninformed_excess, seconds });
             }
             Step::Sample { rays: wanted, walk } => {
                 check_sample(estimator, stream, &wanted)?;
@@ -102,7 +102,7 @@ fn keep(mask: &mut RayMask, rays: &[u32], found: &Found, output: &mut Output<'_>
 /// # Errors
 /// When the caller cancels, or there are no others.
 pub(crate) fn find_again(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     finders: &[Finders],
     liars: &[usize],
     output: &mut Output<'_>,

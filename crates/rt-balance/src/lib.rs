@@ -22,10 +22,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Features: each of `cpu` (default), `vulkan` and `wgpu` adds one re-export of a backend and nothing else. Any other backend that
-//! implements [`Device`] and [`Tracer`] can be used beside them; the crate `rt-conformance` tests it. `ploc` adds a tree builder
-//! ([`Builder`]). What the seams speak in is re-exported, [`glam`] too, so that estimators, policies, builders and backends of
-//! one's own need this crate alone: the folder `examples` has one of each.
+//! Features: each of `cpu` (default), `vulkan` and `wgpu` adds one re-export of a backend and nothing else. Any other
+//! backend that implements [`Device`] and [`Tracer`] can be used beside them; the crate `rt-conformance` tests it.
+//! `ploc` adds a tree builder ([`Builder`]). What the seams speak in is re-exported, [`glam`] too, so that estimators,
+//! policies, builders and backends of one's own need this crate alone: the folder `examples` has one of each.
 //!
 //! Current state and limits: results return to the host after every launch; rays in a slice are copied once per
 //! stream; a stream has at most 2³² − 1 rays.
@@ -36,13 +36,14 @@ mod balancer;
 pub mod catalogue;
 mod clock;
 mod contain;
+mod device_state;
+mod device_thread;
 #[cfg(feature = "cpu")]
 pub mod devices;
 mod error;
 mod estimate;
 mod limits;
 mod measure;
-mod member;
 pub mod middleware;
 mod models;
 mod output;
@@ -55,7 +56,6 @@ mod run;
 pub mod stats;
 mod stream;
 mod walk;
-mod worker;
 
 pub use answers::Audit;
 pub use balancer::Balancer;

@@ -1,18 +1,18 @@
 //! How long devices may take, and how a stream waits for them.
 
 use crate::Control;
-use crate::worker::Answer;
+use crate::device_thread::Answer;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
 /// How long devices may take.
 ///
-/// A device that is late costs nothing but itself: the others do its work too, and whoever answers first is believed. So
-/// the first two limits may be generous, and wrong.
+/// A device that is late costs nothing but itself: the others do its work too, and whoever answers first is believed.
+/// So the first two limits may be generous, and wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// How long the others wait for a device that gets ready: takes the scene or rays, compiles kernels. Then they begin
-    /// without it, and it joins the next stream for which it is ready.
+    /// How long the others wait for a device that gets ready: takes the scene or rays, compiles kernels. Then they
+    /// begin without it, and it joins the next stream for which it is ready.
     pub ready: Duration,
     /// How long a launch or a walk may take beyond eight times its predicted time until others do it too.
     pub late: Duration,
@@ -38,15 +38,16 @@ impl Limits {
 }
 
 /// How many times its predicted time a call may take, beyond [`Limits::late`]: models fitted to other streams have been
-/// wrong by a factor of five (cold caches, a machine that others use), and false alarms only cost work that idle devices do.
+/// wrong by a factor of five (cold caches, a machine that others use), and false alarms only cost work that idle
+/// devices do.
 pub(crate) const OVERRUN: f64 = 8.0;
 
 /// By how much the driver waits longer than it told the device to: a backend that keeps its limit tells better than the
 /// driver what is wrong, and its thread ends.
 pub(crate) const GRACE: Duration = Duration::from_secs(1);
 
-/// How often a caller's cancel flag is looked at while devices work: far below what people notice, and some hundred wake-ups
-/// a second cost a tenth of a percent of a core.
+/// How often a caller's cancel flag is looked at while devices work: far below what people notice, and some hundred
+/// wake-ups a second cost a tenth of a percent of a core.
 const TICK: Duration = Duration::from_millis(10);
 
 /// What a wait ended with.

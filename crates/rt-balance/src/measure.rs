@@ -1,7 +1,7 @@
 //! Turns what happened into a report, and teaches the cost models.
 
+use crate::device_state::DeviceState;
 use crate::estimate::Estimated;
-use crate::member::Member;
 use crate::models::Key;
 use crate::plan::Plan;
 use crate::report::{Activity, DeviceReport, EstimateReport, ModelReport, StreamReport, StreamRun};
@@ -11,8 +11,8 @@ use rt_core::{TaskId, TestCounts, Work};
 use rt_sched::metrics;
 use std::time::Duration;
 
-/// When devices began to get ready for a stream, and when it began, was loaded, was planned and ended, on the clock of all
-/// devices.
+/// When devices began to get ready for a stream, and when it began, was loaded, was planned and ended, on the clock of
+/// all devices.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Times {
     pub(crate) origin: Duration,
@@ -25,7 +25,7 @@ pub(crate) struct Times {
 
 /// Makes the record of one stream.
 pub(crate) fn measure(
-    members: &[Member],
+    members: &[DeviceState],
     stream: &Stream,
     scheduling: &Scheduling,
     estimated: &Estimated,
@@ -71,7 +71,7 @@ pub(crate) fn measure(
             estimator: scheduling.estimator.name().to_owned(),
             chosen: scheduling.estimator.chosen().to_owned(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
-            blind_excess: estimated.blind_excess,
+            uninformed_excess: estimated.uninformed_excess,
             seconds: estimate_s,
             overhead: metrics::overhead(estimate_s, makespan_s),
             mre_counts: None,
@@ -102,7 +102,7 @@ pub(crate) fn measure(
 }
 
 /// Adds the estimation's walks to the cost models: before the first launch they are all that is known of speeds.
-pub(crate) fn learn_walks(members: &mut [Member], key: Option<Key>, estimated: &Estimated) {
+pub(crate) fn learn_walks(members: &mut [DeviceState], key: Option<Key>, estimated: &Estimated) {
     let Some(key) = key else { return };
     for walk in &estimated.walks {
         members[walk.member].models.walked(key, walk);
@@ -110,7 +110,7 @@ pub(crate) fn learn_walks(members: &mut [Member], key: Option<Key>, estimated: &
 }
 
 /// Adds every launch to the cost models.
-pub(crate) fn learn_launches(members: &mut [Member], key: Option<Key>, plan: &Plan, ran: &Ran) {
+pub(crate) fn learn_launches(members: &mut [DeviceState], key: Option<Key>, plan: &Plan, ran: &Ran) {
     let Some(key) = key else { return };
     for launch in ran.launches.iter().filter(|launch| launch.whole) {
         let left = |task: TaskId| &plan.left[task as usize];
@@ -133,7 +133,7 @@ fn share(part: f64, whole: f64) -> f64 {
 
 fn device_report(
     index: usize,
-    member: &Member,
+    member: &DeviceState,
     activities: &[Activity],
     estimated: &Estimated,
     ran: &Ran,
@@ -187,7 +187,7 @@ fn imbalance(plan: &Plan, devices: &[DeviceReport], makespan_s: f64) -> Option<f
             _ => 1.0,
         })
         .collect();
-    let busy: Vec<f64> = plan.lanes.iter().map(|&member| devices[member].busy_s).collect();
+    let busy: Vec<f64> = plan.workers.iter().map(|&member| devices[member].busy_s).collect();
     metrics::imbalance(makespan_s, &busy, &speeds)
 }
 

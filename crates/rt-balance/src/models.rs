@@ -1,12 +1,12 @@
 //! What was learned about each device's speed.
 
 use crate::Stream;
-use crate::member::Member;
+use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{Coherence, CostEstimator, CostModel, CountsToken, StreamKind, TaskId, Work};
-use rt_sched::blind;
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use rt_sched::queue::QueueMaker;
+use rt_sched::uninformed;
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -14,8 +14,8 @@ use std::collections::BTreeMap;
 pub(crate) struct Models {
     /// Launches. Prices fitted to one estimator's counts mean nothing for another's.
     launches: BTreeMap<Key, Calibration>,
-    /// Walks of samples: dearer per test than launches, since sparse rays share little, but alike on all devices, so
-    /// they tell relative speeds before the first launch.
+    /// Walks of samples: more expensive per test than launches, since sparse rays share little, but alike on all
+    /// devices, so they tell relative speeds before the first launch.
     walks: BTreeMap<Key, Calibration>,
 }
 
@@ -98,39 +98,44 @@ impl Models {
 /// unbalance a static schedule by half of it. Real differences below this are left to the queue.
 const ALIKE: f64 = 1.15;
 
-/// The cost model of each lane for `work`: from launches where every lane has some, else from walks, else one for all.
-/// Models from different sources must not meet in one schedule, since walks are dearer than launches.
-pub(crate) fn models_for(members: &[Member], lanes: &[usize], key: Option<Key>, work: &[Work]) -> Vec<CostModel> {
+/// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else one for
+/// all. Models from different sources must not meet in one schedule, since walks are more expensive than launches.
+pub(crate) fn models_for(
+    members: &[DeviceState],
+    workers: &[usize],
+    key: Option<Key>,
+    work: &[Work],
+) -> Vec<CostModel> {
     let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<Calibration>> {
-        lanes.iter().map(|&lane| calibrations(&members[lane].models).get(&key?).copied()).collect()
+        workers.iter().map(|&worker| calibrations(&members[worker].models).get(&key?).copied()).collect()
     };
     let launches = of(|models| &models.launches).and_then(|calibrations| fitted(&calibrations, work));
     let walks = || of(|models| &models.walks).and_then(|calibrations| fitted(&calibrations, work));
-    launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); lanes.len()])
+    launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); workers.len()])
 }
 
-/// By what devices of which nothing is known are assumed to lose more than equal ones: the most that [`blind::unequal`] says of
-/// any.
+/// By what devices of which nothing is known are assumed to lose more than equal ones: the most that
+/// [`uninformed::unequal`] says of any.
 const UNKNOWN: f64 = 2.5;
 
 /// What a stream is expected to lose without an estimate, as a share of its makespan.
-pub(crate) fn blind_excess(members: &[Member], queue: &dyn QueueMaker, tasks: usize) -> f64 {
-    let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
-    let speeds = if lanes.len() > 1 { speeds(members, &lanes) } else { Some(vec![1.0]) };
-    queue.blind_excess(tasks, lanes.len(), speeds.map_or(UNKNOWN, |speeds| blind::unequal(&speeds)))
+pub(crate) fn uninformed_excess(members: &[DeviceState], queue: &dyn QueueMaker, tasks: usize) -> f64 {
+    let workers: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
+    let speeds = if workers.len() > 1 { speeds(members, &workers) } else { Some(vec![1.0]) };
+    queue.uninformed_excess(tasks, workers.len(), speeds.map_or(UNKNOWN, |speeds| uninformed::unequal(&speeds)))
 }
 
-/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where differences
-/// are no more than chance.
-fn speeds(members: &[Member], lanes: &[usize]) -> Option<Vec<f64>> {
+/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where
+/// differences are no more than chance.
+fn speeds(members: &[DeviceState], workers: &[usize]) -> Option<Vec<f64>> {
     // Rays of some depth. Which prices differ matters little.
     let work = [Work::new(1.0, 50.0, 10.0)];
     let found = |of: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<f64>> {
         let of_all = |key: &Key| -> Option<Vec<Calibration>> {
-            lanes.iter().map(|&lane| of(&members[lane].models).get(key).copied()).collect()
+            workers.iter().map(|&worker| of(&members[worker].models).get(key).copied()).collect()
         };
         let weight = |all: &[Calibration]| all.iter().map(Calibration::weight).fold(f64::INFINITY, f64::min);
-        let measured = of(&members[*lanes.first()?].models).keys().filter_map(of_all);
+        let measured = of(&members[*workers.first()?].models).keys().filter_map(of_all);
         let most = measured.max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
         let models = fitted(&most, &work)?;
         Some(models.iter().map(|model| 1.0 / model.seconds(&work[0])).collect())

@@ -1,7 +1,7 @@
 //! Turns an estimate into a queue.
 
+use crate::device_state::{DeviceState, all_lost};
 use crate::estimate::Estimated;
-use crate::member::{Member, all_lost};
 use crate::models::{Key, models_for};
 use crate::{BalanceError, Scheduling, Stream};
 use rt_core::{CostModel, RayMask, TaskId, Work};
@@ -11,9 +11,9 @@ use std::sync::Arc;
 /// Who may trace what, before anything runs.
 #[derive(Debug)]
 pub(crate) struct Plan {
-    /// Positions of the devices that are ready among all members, increasing: the queue's device 0 is `lanes[0]`.
-    pub(crate) lanes: Vec<usize>,
-    /// The cost model of each lane.
+    /// Positions of the devices that are ready among all members, increasing: the queue's device 0 is `workers[0]`.
+    pub(crate) workers: Vec<usize>,
+    /// The cost model of each worker.
     pub(crate) models: Vec<CostModel>,
     /// Work that is left of each task, without the rays whose hits are known.
     pub(crate) left: Vec<Work>,
@@ -24,31 +24,31 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
-    /// Predicted seconds of a task on a lane, without the launch.
-    pub(crate) fn seconds(&self, lane: usize, task: TaskId) -> f64 {
-        self.models[lane].seconds(&self.left[task as usize])
+    /// Predicted seconds of a task on a worker, without the launch.
+    pub(crate) fn seconds(&self, worker: usize, task: TaskId) -> f64 {
+        self.models[worker].seconds(&self.left[task as usize])
     }
 }
 
 pub(crate) fn plan_of(
-    members: &[Member],
+    members: &[DeviceState],
     stream: &Stream,
     scheduling: &Scheduling,
     estimated: &Estimated,
 ) -> Result<Plan, BalanceError> {
-    let lanes: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
-    if lanes.is_empty() {
+    let workers: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
+    if workers.is_empty() {
         return Err(all_lost(members, stream.tasks.len()));
     }
     let left = left_of(stream, estimated);
-    let models = models_for(members, &lanes, Key::of(&*scheduling.estimator, stream), &left);
+    let models = models_for(members, &workers, Key::of(&*scheduling.estimator, stream), &left);
     let (maker, policy) = (&*scheduling.queue, scheduling.policy()?);
     let schedule = maker.deal(policy, &left, &models).ok_or_else(|| BalanceError::Policy {
         policy: policy.name(),
         mistake: "it deals other tasks than it was given, or to other devices".to_owned(),
     })?;
     let queue = maker.make(Dealt { schedule: &schedule, work: &left, devices: &models });
-    Ok(Plan { lanes, models, left, kept: estimated.kept.clone(), queue, queue_name: maker.name() })
+    Ok(Plan { workers, models, left, kept: estimated.kept.clone(), queue, queue_name: maker.name() })
 }
 
 /// The estimated work without the rays whose hits were kept: a task's sampled rays are taken to be like its others.

@@ -1,12 +1,12 @@
 //! The separate pass that makes excess and estimation errors known.
 
 use crate::balancer::Balancer;
+use crate::device_state::{DeviceState, all_lost, cancelled};
+use crate::device_thread::{Answer, Call, Done};
 use crate::limits::{Heard, earlier, hear};
 use crate::measure::tests_of;
-use crate::member::{Member, all_lost, cancelled};
 use crate::report::{ErrorReport, StreamRun};
 use crate::stats::median;
-use crate::worker::{Answer, Call, Done};
 use crate::{Audit, BalanceError, Control, Limits, Stream, clock};
 use rt_core::{Launch, TestCounts};
 use rt_sched::calibrate::cross_predicted;
@@ -48,12 +48,12 @@ impl Balancer {
         let _environment = rt_fenv::Environment::enter();
         let begin = clock::now();
         let untouched = |error: BalanceError| error.with_unfinished(stream.tasks.len());
-        self.members().iter_mut().for_each(Member::begin);
+        self.members().iter_mut().for_each(DeviceState::begin);
         self.load(stream, limits, Audit::OFF, control).map_err(untouched)?;
         let passes = passes.max(1);
         let mut seconds: Vec<Vec<Vec<f64>>> =
             self.members().iter().map(|_| vec![Vec::new(); stream.tasks.len()]).collect();
-        let all = |_: &Member| true;
+        let all = |_: &DeviceState| true;
         one_by_one(self.members(), stream, passes, all, limits, control, |member, task, launch| {
             seconds[member.index][task].push(match launch.task_seconds.first() {
                 Some(&seconds) => f64::from(seconds),
@@ -68,7 +68,7 @@ impl Balancer {
         let mut counts = vec![TestCounts::default(); stream.source.len() as usize];
         // Counts do not depend on the device: the first that can be had.
         while let Some(first) = self.members().iter().find(|member| member.is_ready()).map(|member| member.index) {
-            let only = |member: &Member| member.index == first;
+            let only = |member: &DeviceState| member.index == first;
             let left = one_by_one(self.members(), &counted, 1, only, limits, control, |_, task, launch| {
                 let task = stream.tasks[task];
                 counts[task.first as usize..(task.first + task.rays) as usize].copy_from_slice(&launch.counts);
@@ -77,7 +77,7 @@ impl Balancer {
                 break;
             }
         }
-        if !self.members().iter().any(Member::is_ready) {
+        if !self.members().iter().any(DeviceState::is_ready) {
             return Err(all_lost(self.members(), stream.tasks.len()));
         }
         let whole = |seconds: &[Vec<f64>]| seconds.iter().all(|seconds| seconds.len() == passes);
@@ -92,20 +92,20 @@ impl Balancer {
     }
 }
 
-/// Has each device that is ready and `chosen` trace every task by itself, `passes` times, and hands each launch to `sink`.
-/// Returns the number of launches that came to nothing, since devices failed.
+/// Has each device that is ready and `chosen` trace every task by itself, `passes` times, and hands each launch to
+/// `sink`. Returns the number of launches that came to nothing, since devices failed.
 fn one_by_one(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     stream: &Stream,
     passes: usize,
-    chosen: impl Fn(&Member) -> bool,
+    chosen: impl Fn(&DeviceState) -> bool,
     limits: &Limits,
     control: Control<'_>,
-    mut sink: impl FnMut(&Member, usize, &Launch),
+    mut sink: impl FnMut(&DeviceState, usize, &Launch),
 ) -> Result<usize, BalanceError> {
     let (to, answers) = channel();
     let all = stream.tasks.len() * passes;
-    let ask = |member: &mut Member, number: usize| {
+    let ask = |member: &mut DeviceState, number: usize| {
         member.tell(Call::Submit { tasks: vec![stream.tasks[number % stream.tasks.len()]], done: None });
         let buffers = std::mem::take(&mut member.buffers);
         member.ask(Call::Wait { buffers }, &to);

@@ -4,11 +4,12 @@
 //! measurement: each task's own time, what a launch costs beside its tasks, and the walks and the planning of an
 //! estimation. What is assumed: that devices do not slow each other down, and share the walks of the estimation evenly.
 
+use crate::Scheduling;
 use crate::report::{ActivityKind, StreamRun};
 use rt_core::{CostModel, TaskId, Work};
 use rt_sched::bound;
-use rt_sched::policy::{Lpt, Policy};
-use rt_sched::queue::{Dealt, Needs, QueueKind, QueueMaker};
+use rt_sched::policy::Lpt;
+use rt_sched::queue::{Dealt, Needs};
 use rt_sched::simulate::Simulation;
 
 /// What a run with an estimate on one real device tells of the estimate.
@@ -22,8 +23,8 @@ pub struct Observed {
     pub walks_s: f64,
     /// The rest of the estimation: host seconds of choosing samples and planning.
     pub planning_s: f64,
-    /// Seconds of a launch beside its tasks: the least of all launches, since what other programs of the machine took in
-    /// between is no part of it.
+    /// Seconds of a launch beside its tasks: the least of all launches, since what other programs of the machine took
+    /// in between is no part of it.
     pub launch_s: f64,
 }
 
@@ -62,47 +63,24 @@ pub struct Replay<'a> {
     pub launch_s: f64,
 }
 
-/// The queue of a replay.
-#[derive(Clone, Copy, Debug)]
-pub struct Queue<'a> {
-    /// What makes it.
-    pub maker: &'a dyn QueueMaker,
-    /// What deals or orders the tasks.
-    pub policy: &'a dyn Policy,
-}
-
-impl<'a> Queue<'a> {
-    /// The default of real runs.
-    pub const HYBRID: Queue<'static> = Queue::new(&QueueKind::Hybrid, None);
-
-    /// A queue with this policy, or the default one.
-    #[must_use]
-    pub const fn new(maker: &'a dyn QueueMaker, policy: Option<&'a dyn Policy>) -> Self {
-        match policy {
-            Some(policy) => Self { maker, policy },
-            None => Self { maker, policy: &Lpt },
-        }
-    }
-}
-
 impl Replay<'_> {
     /// Makespan without any estimate, in seconds: every ray counts the same, and every device.
     #[must_use]
-    pub fn regular(&self, queue: Queue<'_>, rays: &[u32]) -> f64 {
+    pub fn regular(&self, scheduling: &Scheduling, rays: &[u32]) -> f64 {
         let work: Vec<Work> = rays.iter().map(|&n| Work::new(n as f32, n as f32, 0.0)).collect();
-        self.run(queue, &work, &vec![CostModel::UNIT; self.speeds.len()], |_| 1.0)
+        self.run(scheduling, &work, &vec![CostModel::UNIT; self.speeds.len()], |_| 1.0)
     }
 
     /// Makespan with an estimate, in seconds, and the part of it that the estimation took.
     #[must_use]
-    pub fn cost_initialised(&self, queue: Queue<'_>, seen: &Observed) -> (f64, f64) {
+    pub fn cost_initialised(&self, scheduling: &Scheduling, seen: &Observed) -> (f64, f64) {
         // A predicted nanosecond counts as a box test: devices of speed s do s of them in a nanosecond.
         let work: Vec<Work> = seen.predicted_s.iter().map(|s| Work::new(0.0, (s * 1e9) as f32, 0.0)).collect();
         let model = |&speed: &f64| CostModel::new(self.launch_s, 1e-9 / speed, 1e-9 / speed, 1e-9 / speed);
         let models: Vec<CostModel> = self.speeds.iter().map(|s| model(s).unwrap_or_default()).collect();
         let estimate_s = seen.walks_s / self.speeds.iter().sum::<f64>() + seen.planning_s;
         let left = |task: TaskId| seen.left.get(task as usize).copied().unwrap_or(1.0);
-        (estimate_s + self.run(queue, &work, &models, left), estimate_s)
+        (estimate_s + self.run(scheduling, &work, &models, left), estimate_s)
     }
 
     /// Least makespan that any schedule of all rays has, in seconds.
@@ -111,12 +89,14 @@ impl Replay<'_> {
         bound::related(self.task_s, self.speeds)
     }
 
-    fn run(&self, queue: Queue<'_>, work: &[Work], models: &[CostModel], left: impl Fn(TaskId) -> f64) -> f64 {
-        // Of a policy that deals otherwise than it is asked nothing is left.
-        let schedule = queue.maker.deal(queue.policy, work, models).unwrap_or_default();
+    fn run(&self, scheduling: &Scheduling, work: &[Work], models: &[CostModel], left: impl Fn(TaskId) -> f64) -> f64 {
+        let maker = &*scheduling.queue;
+        // Of a policy that deals otherwise than it is asked, or is none for this queue, nothing is left.
+        let policy = scheduling.policy().unwrap_or(&Lpt);
+        let schedule = maker.deal(policy, work, models).unwrap_or_default();
         // One launch in flight is the paper's central queue: a stop, and the launch's cost, for every task.
-        let in_flight = if queue.maker.needs() == Needs::Order { 1 } else { 2 };
-        let queue = queue.maker.make(Dealt { schedule: &schedule, work, devices: models });
+        let in_flight = if maker.needs() == Needs::Order { 1 } else { 2 };
+        let queue = maker.make(Dealt { schedule: &schedule, work, devices: models });
         let seconds = |device: usize, task: TaskId| {
             self.task_s[task as usize] * left(task) / self.speeds.get(device).copied().unwrap_or(1.0)
         };
@@ -128,7 +108,12 @@ impl Replay<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rt_sched::policy::{Block, RoundRobin};
+    use rt_sched::policy::{Block, Policy, RoundRobin};
+    use rt_sched::queue::QueueKind;
+
+    fn with(queue: QueueKind, policy: Option<Box<dyn Policy>>) -> Scheduling {
+        Scheduling { queue: Box::new(queue), policy, ..Scheduling::default() }
+    }
 
     fn seen(predicted_s: &[f64], left: f64) -> Observed {
         Observed {
@@ -146,13 +131,13 @@ mod tests {
         let task_s = [4.0, 1.0, 1.0, 1.0, 1.0];
         let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.0 };
         let (total, estimate) =
-            replay.cost_initialised(Queue::new(&QueueKind::Static, Some(&Lpt)), &seen(&task_s, 0.5));
+            replay.cost_initialised(&with(QueueKind::Static, Some(Box::new(Lpt))), &seen(&task_s, 0.5));
         assert!((estimate - 0.31).abs() < 1e-9, "{estimate}");
         // Half of every task is left, and LPT deals 4 against 1 + 1 + 1 + 1.
         assert!((total - estimate - 2.0).abs() < 1e-3, "{total}");
         let fast = Replay { speeds: &[1.0, 3.0], ..replay };
         assert!(
-            (fast.cost_initialised(Queue::new(&QueueKind::Static, Some(&Lpt)), &seen(&task_s, 1.0)).1 - 0.16).abs()
+            (fast.cost_initialised(&with(QueueKind::Static, Some(Box::new(Lpt))), &seen(&task_s, 1.0)).1 - 0.16).abs()
                 < 1e-9
         );
         assert_eq!(fast.lower_bound(), 2.0);
@@ -165,12 +150,12 @@ mod tests {
         let replay = Replay { speeds: &[1.0, 1.0], task_s: &task_s, launch_s: 0.5 };
         let rays = [64; 4];
         let near = |a: f64, b: f64| (a - b).abs() < 1e-3;
-        let blocks = replay.regular(Queue::new(&QueueKind::Static, Some(&Block)), &rays);
+        let blocks = replay.regular(&with(QueueKind::Static, Some(Box::new(Block))), &rays);
         assert!(near(blocks, 6.5), "{blocks}");
-        let turns = replay.regular(Queue::new(&QueueKind::Static, Some(&RoundRobin)), &rays);
+        let turns = replay.regular(&with(QueueKind::Static, Some(Box::new(RoundRobin))), &rays);
         assert!(near(turns, 4.5), "{turns}");
         // Two tasks on each device, each with its launch.
-        let central = replay.regular(Queue::new(&QueueKind::Central, None), &rays);
+        let central = replay.regular(&with(QueueKind::Central, None), &rays);
         assert!(near(central, 5.0), "{central}");
     }
 }

@@ -44,9 +44,9 @@ pub struct EstimateReport {
     pub chosen: String,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
-    /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can gain. 1
-    /// before the devices are known to be equally fast.
-    pub blind_excess: f64,
+    /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can
+    /// gain. 1 before the devices are known to be equally fast.
+    pub uninformed_excess: f64,
     /// Wall seconds of estimating and planning.
     pub seconds: f64,
     /// `seconds / (makespan − seconds)`: the share of the trace that estimation adds, without a unit.

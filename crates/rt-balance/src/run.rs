@@ -1,19 +1,19 @@
 //! Runs a plan: two launches in flight on every device, every task finished exactly once.
 //!
-//! One thread decides, the caller's: it hears devices' threads through one channel, copies results, asks the queue what comes
-//! next, and looks at the clock. So a queue, a callback or a slow device meets no other thread in here, nothing is
-//! locked, and a device that does not answer costs the others nothing.
+//! One thread decides, the caller's: it hears devices' threads through one channel, copies results, asks the queue what
+//! comes next, and looks at the clock. So a queue, a callback or a slow device meets no other thread in here, nothing
+//! is locked, and a device that does not answer costs the others nothing.
 //!
-//! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late, answers
-//! for nothing. Tasks of a device that is not believed any more are open again, all of them.
+//! A task is finished by the first answer that can be believed. Who else was asked for it, since the first was late,
+//! answers for nothing. Tasks of a device that is not believed any more are open again, all of them.
 
+use crate::device_state::{DeviceState, all_lost};
+use crate::device_thread::{Answer, Call, Done};
 use crate::estimate::{Finders, find_again};
 use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
-use crate::member::{Member, all_lost};
 use crate::output::Output;
 use crate::plan::Plan;
 use crate::record::{LaunchDone, WalkDone};
-use crate::worker::{Answer, Call, Done};
 use crate::{BalanceError, Control, Stream};
 use rt_core::{Launch, Task, TaskId, TaskOutcome};
 use rt_sched::queue::Pop;
@@ -32,9 +32,10 @@ pub(crate) struct Ran {
 /// Traces every task of the plan.
 ///
 /// # Errors
-/// When the caller cancels, every device failed, or the queue breaks its promises. Finished tasks are in `output` even then.
+/// When the caller cancels, every device failed, or the queue breaks its promises. Finished tasks are in `output` even
+/// then.
 pub(crate) fn run(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     stream: &Stream,
     plan: &Plan,
     finders: &[Finders],
@@ -49,7 +50,7 @@ pub(crate) fn run(
         finders,
         limits,
         control,
-        lanes: plan.lanes.iter().map(|&member| Lane::new(member, members[member].info.in_flight)).collect(),
+        workers: plan.workers.iter().map(|&member| Worker::new(member, members[member].info.in_flight)).collect(),
         by: vec![None; stream.tasks.len()],
         open: stream.tasks.len(),
         again: Vec::new(),
@@ -76,7 +77,7 @@ struct Flight {
 
 /// A device's part in the run. Its position among all is the queue's number for it.
 #[derive(Debug)]
-struct Lane {
+struct Worker {
     member: usize,
     /// How many launches may be in flight.
     capacity: usize,
@@ -93,7 +94,7 @@ struct Lane {
     alive: bool,
 }
 
-impl Lane {
+impl Worker {
     fn new(member: usize, capacity: u32) -> Self {
         Self {
             member,
@@ -118,7 +119,7 @@ struct Run<'a> {
     finders: &'a [Finders],
     limits: &'a Limits,
     control: Control<'a>,
-    lanes: Vec<Lane>,
+    workers: Vec<Worker>,
     /// Which member finished each task.
     by: Vec<Option<usize>>,
     /// Tasks that are not finished.
@@ -137,30 +138,30 @@ struct Run<'a> {
 }
 
 impl Run<'_> {
-    fn all(mut self, members: &mut [Member], output: &mut Output<'_>) -> Result<Ran, BalanceError> {
-        // Every device takes its first launch before any takes its second: queues hand out the most expensive tasks first,
-        // and two of them on one device could be the makespan.
-        for lane in 0..self.lanes.len() {
-            self.feed(lane, 1, members)?;
+    fn all(mut self, members: &mut [DeviceState], output: &mut Output<'_>) -> Result<Ran, BalanceError> {
+        // Every device takes its first launch before any takes its second: queues hand out the most expensive tasks
+        // first, and two of them on one device could be the makespan.
+        for worker in 0..self.workers.len() {
+            self.feed(worker, 1, members)?;
         }
         loop {
-            for lane in 0..self.lanes.len() {
-                self.feed(lane, usize::MAX, members)?;
+            for worker in 0..self.workers.len() {
+                self.feed(worker, usize::MAX, members)?;
             }
-            let is_busy = |lane: &Lane| !lane.in_flight.is_empty();
+            let is_busy = |worker: &Worker| !worker.in_flight.is_empty();
             if self.open == 0 {
                 let liars = self.liars(members);
                 if liars.is_empty() {
                     break;
                 }
                 // Whoever is to help is at rest first.
-                if !self.lanes.iter().any(|lane| is_busy(lane) && !lane.late) {
+                if !self.workers.iter().any(|worker| is_busy(worker) && !worker.late) {
                     self.repair(&liars, members, output)?;
                     continue;
                 }
             }
-            if !self.lanes.iter().any(is_busy) {
-                if !self.lanes.iter().any(|lane| lane.alive) {
+            if !self.workers.iter().any(is_busy) {
+                if !self.workers.iter().any(|worker| worker.alive) {
                     return Err(all_lost(members, self.open));
                 }
                 self.revive(members)?;
@@ -172,20 +173,20 @@ impl Run<'_> {
                 Heard::Cancelled => return Err(BalanceError::Cancelled { unfinished: self.open }),
             }
         }
-        for lane in self.lanes.iter().filter(|lane| lane.late && !lane.in_flight.is_empty()) {
-            members[lane.member].set_late();
+        for worker in self.workers.iter().filter(|worker| worker.late && !worker.in_flight.is_empty()) {
+            members[worker.member].set_late();
         }
         Ok(self.ran)
     }
 
     /// Gives a device launches until it has `most`, or as many as it can have, or there is nothing for it.
-    fn feed(&mut self, lane: usize, most: usize, members: &mut [Member]) -> Result<(), BalanceError> {
-        let most = most.min(self.lanes[lane].capacity);
-        while self.open > 0 && self.lanes[lane].is_punctual() && self.lanes[lane].in_flight.len() < most {
-            let Some((tasks, queued)) = self.next(lane)? else { break };
+    fn feed(&mut self, worker: usize, most: usize, members: &mut [DeviceState]) -> Result<(), BalanceError> {
+        let most = most.min(self.workers[worker].capacity);
+        while self.open > 0 && self.workers[worker].is_punctual() && self.workers[worker].in_flight.len() < most {
+            let Some((tasks, queued)) = self.next(worker)? else { break };
             let ranges: Vec<Task> = tasks.iter().map(|&id| self.stream.tasks[id as usize]).collect();
-            let predicted_s = tasks.iter().map(|&id| self.plan.seconds(lane, id)).sum();
-            let Lane { member, in_flight, since, .. } = &mut self.lanes[lane];
+            let predicted_s = tasks.iter().map(|&id| self.plan.seconds(worker, id)).sum();
+            let Worker { member, in_flight, since, .. } = &mut self.workers[worker];
             if in_flight.is_empty() {
                 *since = Instant::now();
             }
@@ -193,7 +194,7 @@ impl Run<'_> {
             in_flight.push_back(Flight { tasks, queued, predicted_s });
             members[*member].tell(Call::Submit { tasks: ranges, done: self.plan.kept.clone() });
         }
-        let Lane { member, in_flight, waiting, alive, .. } = &mut self.lanes[lane];
+        let Worker { member, in_flight, waiting, alive, .. } = &mut self.workers[worker];
         if *alive && !*waiting && !in_flight.is_empty() {
             let buffers = std::mem::take(&mut members[*member].buffers);
             members[*member].ask(Call::Wait { buffers }, &self.to);
@@ -203,24 +204,24 @@ impl Run<'_> {
     }
 
     /// The tasks of a device's next launch, in the stream's order, and whether they come from the queue.
-    fn next(&mut self, lane: usize) -> Result<Option<(Vec<TaskId>, bool)>, BalanceError> {
+    fn next(&mut self, worker: usize) -> Result<Option<(Vec<TaskId>, bool)>, BalanceError> {
         let queue = &*self.plan.queue;
         let mut tasks = Vec::new();
         // A queue that keeps its promises hands out as many launches as there are tasks, at most, and each once again
         // where a device was late.
         for _ in 0..=2 * self.by.len() {
-            if queue.pop(lane, &mut tasks) != Pop::Launch {
+            if queue.pop(worker, &mut tasks) != Pop::Launch {
                 return Ok(self.next_again());
             }
             self.check_popped(&tasks)?;
-            // The most expensive first is for choosing them: in a launch neighbours belong together, for caches, and since
-            // ranges of rays that follow each other are one.
+            // The most expensive first is for choosing them: in a launch neighbours belong together, for caches, and
+            // since ranges of rays that follow each other are one.
             tasks.sort_unstable();
             tasks.dedup();
             let (open, finished): (Vec<TaskId>, Vec<TaskId>) =
                 tasks.iter().partition(|&&task| self.by[task as usize].is_none());
             if !finished.is_empty() {
-                queue.finish(lane, &finished);
+                queue.finish(worker, &finished);
             }
             if !open.is_empty() {
                 return Ok(Some((open, true)));
@@ -246,7 +247,7 @@ impl Run<'_> {
     fn next_again(&mut self) -> Option<(Vec<TaskId>, bool)> {
         let by = &self.by;
         self.again.retain(|&task| by[task as usize].is_none());
-        let punctual = self.lanes.iter().filter(|lane| lane.is_punctual()).count();
+        let punctual = self.workers.iter().filter(|worker| worker.is_punctual()).count();
         let share = self.again.len().div_ceil(2 * punctual.max(1));
         let mut tasks = self.again.split_off(self.again.len() - share);
         tasks.sort_unstable();
@@ -254,12 +255,13 @@ impl Run<'_> {
         (!tasks.is_empty()).then_some((tasks, false))
     }
 
-    /// Nobody does anything, and some tasks are open: all that are goes round again, unless that is the queue's mistake.
-    fn revive(&mut self, members: &[Member]) -> Result<(), BalanceError> {
+    /// Nobody does anything, and some tasks are open: all that are goes round again, unless that is the queue's
+    /// mistake.
+    fn revive(&mut self, members: &[DeviceState]) -> Result<(), BalanceError> {
         let open = (0..).zip(&self.by).filter(|(_, by)| by.is_none()).map(|(task, _)| task);
         let open: Vec<TaskId> = open.collect();
         // Then the queue may take devices for lost that have come back.
-        let misled = self.lanes.iter().any(|lane| lane.was_late) || members.iter().any(|member| member.lied);
+        let misled = self.workers.iter().any(|worker| worker.was_late) || members.iter().any(|member| member.lied);
         match open.first() {
             Some(task) if !misled => {
                 let (left, all) = (open.len(), self.by.len());
@@ -273,58 +275,58 @@ impl Run<'_> {
     }
 
     /// When the others are to do a device's tasks, too.
-    fn late_at(&self, lane: &Lane) -> Option<Instant> {
-        let others = self.lanes.iter().filter(|lane| lane.is_punctual()).count();
-        if lane.late || others < 2 {
+    fn late_at(&self, worker: &Worker) -> Option<Instant> {
+        let others = self.workers.iter().filter(|worker| worker.is_punctual()).count();
+        if worker.late || others < 2 {
             return None;
         }
-        let flight = lane.in_flight.front()?;
+        let flight = worker.in_flight.front()?;
         // Prices may not be known yet, or be those of another stream.
         let overrun = if self.predicted_s > 0.0 { (self.measured_s / self.predicted_s).max(1.0) } else { 1.0 };
         let expected = Duration::try_from_secs_f64(OVERRUN * overrun * flight.predicted_s).unwrap_or(Duration::MAX);
-        after(lane.since, self.limits.late).and_then(|at| after(at, expected))
+        after(worker.since, self.limits.late).and_then(|at| after(at, expected))
     }
 
-    fn deadline(&self, members: &[Member]) -> Option<Instant> {
-        let waiting = self.lanes.iter().filter(|lane| lane.waiting);
-        waiting.fold(None, |deadline, lane| {
-            earlier(deadline, earlier(self.late_at(lane), members[lane.member].lost_at(self.limits)))
+    fn deadline(&self, members: &[DeviceState]) -> Option<Instant> {
+        let waiting = self.workers.iter().filter(|worker| worker.waiting);
+        waiting.fold(None, |deadline, worker| {
+            earlier(deadline, earlier(self.late_at(worker), members[worker.member].lost_at(self.limits)))
         })
     }
 
     /// Looks for devices that are late.
-    fn look(&mut self, members: &mut [Member]) {
+    fn look(&mut self, members: &mut [DeviceState]) {
         let now = Instant::now();
         let passed = |at: Option<Instant>| at.is_some_and(|at| at <= now);
-        for lane in 0..self.lanes.len() {
-            let Lane { member, waiting, .. } = self.lanes[lane];
+        for worker in 0..self.workers.len() {
+            let Worker { member, waiting, .. } = self.workers[worker];
             if waiting && passed(members[member].lost_at(self.limits)) {
                 members[member].give_up(self.limits);
-                self.lose(lane, members);
-            } else if waiting && passed(self.late_at(&self.lanes[lane])) {
-                self.give_back(lane);
-                let lane = &mut self.lanes[lane];
-                (lane.late, lane.was_late) = (true, true);
-                members[lane.member].remark = Some("it was late: others did its work, too".to_owned());
+                self.lose(worker, members);
+            } else if waiting && passed(self.late_at(&self.workers[worker])) {
+                self.give_back(worker);
+                let worker = &mut self.workers[worker];
+                (worker.late, worker.was_late) = (true, true);
+                members[worker.member].remark = Some("it was late: others did its work, too".to_owned());
             }
         }
     }
 
     /// Has others do what a device has in flight.
-    fn give_back(&mut self, lane: usize) {
+    fn give_back(&mut self, worker: usize) {
         let open = |queued: bool| {
-            let flights = self.lanes[lane].in_flight.iter().filter(move |flight| flight.queued == queued);
+            let flights = self.workers[worker].in_flight.iter().filter(move |flight| flight.queued == queued);
             flights.flat_map(|flight| &flight.tasks).copied().collect::<Vec<TaskId>>()
         };
-        self.plan.queue.retire(lane, &open(true));
+        self.plan.queue.retire(worker, &open(true));
         let again = open(false);
         self.again.extend(again);
     }
 
     /// Goes on without a device that has failed.
-    fn lose(&mut self, lane: usize, members: &[Member]) {
-        self.give_back(lane);
-        let Lane { member, in_flight, waiting, alive, .. } = &mut self.lanes[lane];
+    fn lose(&mut self, worker: usize, members: &[DeviceState]) {
+        self.give_back(worker);
+        let Worker { member, in_flight, waiting, alive, .. } = &mut self.workers[worker];
         in_flight.clear();
         (*waiting, *alive) = (false, false);
         let member = *member;
@@ -348,34 +350,44 @@ impl Run<'_> {
     }
 
     /// Devices whose answers are not believed and not replaced yet.
-    fn liars(&self, members: &[Member]) -> Vec<usize> {
+    fn liars(&self, members: &[DeviceState]) -> Vec<usize> {
         let liars = members.iter().filter(|member| member.lied).map(|member| member.index);
         liars.filter(|liar| !self.repaired.contains(liar)).collect()
     }
 
     /// Replaces what devices brought that are not believed. It may be that another one is found out by that.
-    fn repair(&mut self, liars: &[usize], members: &mut [Member], output: &mut Output<'_>) -> Result<(), BalanceError> {
+    fn repair(
+        &mut self,
+        liars: &[usize],
+        members: &mut [DeviceState],
+        output: &mut Output<'_>,
+    ) -> Result<(), BalanceError> {
         self.repaired.extend(liars);
         liars.iter().for_each(|&liar| self.disbelieve(liar));
         let found = find_again(members, self.finders, liars, output, self.limits, self.control);
         self.ran.walks.extend(found.map_err(|error| error.with_unfinished(self.open))?);
-        for lane in 0..self.lanes.len() {
-            if self.lanes[lane].alive && !members[self.lanes[lane].member].is_alive() {
-                self.lose(lane, members);
+        for worker in 0..self.workers.len() {
+            if self.workers[worker].alive && !members[self.workers[worker].member].is_alive() {
+                self.lose(worker, members);
             }
         }
         Ok(())
     }
 
-    fn take(&mut self, answer: Answer, members: &mut [Member], output: &mut Output<'_>) -> Result<(), BalanceError> {
+    fn take(
+        &mut self,
+        answer: Answer,
+        members: &mut [DeviceState],
+        output: &mut Output<'_>,
+    ) -> Result<(), BalanceError> {
         let Answer { member, result, status } = answer;
-        let Some(lane) = self.lanes.iter().position(|lane| lane.member == member) else { return Ok(()) };
+        let Some(worker) = self.workers.iter().position(|worker| worker.member == member) else { return Ok(()) };
         members[member].answered(&status);
-        self.lanes[lane].waiting = false;
+        self.workers[worker].waiting = false;
         match result {
             Ok(Done::Launched(launch, checked)) => {
                 members[member].checked.add(checked);
-                self.keep(lane, &launch, output);
+                self.keep(worker, &launch, output);
                 members[member].buffers = launch;
                 self.control.report(self.rays_done, u64::from(self.stream.source.len()));
             }
@@ -383,7 +395,7 @@ impl Run<'_> {
             Ok(_) => {}
             Err(error) => {
                 members[member].fail(error);
-                self.lose(lane, members);
+                self.lose(worker, members);
             }
         }
         Ok(())
@@ -391,10 +403,10 @@ impl Run<'_> {
 
     /// Takes the results of a device's oldest launch, but for tasks that another was faster with.
     fn keep(&mut self, index: usize, launch: &Launch, output: &mut Output<'_>) {
-        let lane = &mut self.lanes[index];
-        let Some(flight) = lane.in_flight.pop_front() else { return };
-        let (member, back) = (lane.member, std::mem::replace(&mut lane.late, false));
-        lane.since = Instant::now();
+        let worker = &mut self.workers[index];
+        let Some(flight) = worker.in_flight.pop_front() else { return };
+        let (member, back) = (worker.member, std::mem::replace(&mut worker.late, false));
+        worker.since = Instant::now();
         let Plan { queue, kept, .. } = self.plan;
         let outcomes = self.outcomes(index, &flight, launch);
         let mut won = Vec::with_capacity(outcomes.len());
@@ -430,12 +442,12 @@ impl Run<'_> {
     }
 
     /// What the tasks of a launch were predicted to take, and took.
-    fn outcomes(&self, lane: usize, flight: &Flight, launch: &Launch) -> Vec<TaskOutcome> {
+    fn outcomes(&self, worker: usize, flight: &Flight, launch: &Launch) -> Vec<TaskOutcome> {
         let tasks = &flight.tasks;
         let per_task = launch.task_seconds.len() == tasks.len();
         let busy = launch.span.in_kernel.as_secs_f64();
         let outcome = |(i, &task): (usize, &TaskId)| {
-            let predicted_s = self.plan.seconds(lane, task);
+            let predicted_s = self.plan.seconds(worker, task);
             let measured_s = match launch.task_seconds.get(i) {
                 Some(&seconds) if per_task => f64::from(seconds),
                 _ if flight.predicted_s > 0.0 => busy * predicted_s / flight.predicted_s,
@@ -449,6 +461,6 @@ impl Run<'_> {
 
 impl std::fmt::Debug for Run<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Run").field("lanes", &self.lanes).field("open", &self.open).finish_non_exhaustive()
+        f.debug_struct("Run").field("workers", &self.workers).field("open", &self.open).finish_non_exhaustive()
     }
 }

@@ -40,8 +40,8 @@ impl Summary {
         }
     }
 
-    /// The summary of `a[i] / b[i]`: what was measured in turn is compared with its neighbour in time, so that a machine
-    /// whose speed drifts does not spoil the comparison. The longer of the two is cut.
+    /// The summary of `a[i] / b[i]`: what was measured in turn is compared with its neighbour in time, so that a
+    /// machine whose speed drifts does not spoil the comparison. The longer of the two is cut.
     #[must_use]
     pub fn of_ratios(a: &[f64], b: &[f64]) -> Self {
         Self::new(&ratios(a, b))
@@ -75,8 +75,8 @@ fn middle(sorted: &[f64]) -> f64 {
     }
 }
 
-/// The greatest rank k, from 0, for which the median lies between the k-th smallest and the k-th largest of `count` values
-/// with [`CONFIDENCE`], and with what confidence it does.
+/// The greatest rank k, from 0, for which the median lies between the k-th smallest and the k-th largest of `count`
+/// values with [`CONFIDENCE`], and with what confidence it does.
 ///
 /// A value is below the true median with probability 1/2, so the number of those below it is binomial, whatever the
 /// distribution (H. A. David and H. N. Nagaraja, *Order Statistics*, 3rd edition, 2003, section 7.1).

@@ -45,21 +45,21 @@ impl Stream {
         self
     }
 
-    /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose `blind_excess`
-    /// without an estimate.
+    /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose
+    /// `uninformed_excess` without an estimate.
     #[must_use]
-    pub fn view(&self, devices: usize, blind_excess: f64) -> RayStream<'_> {
+    pub fn view(&self, devices: usize, uninformed_excess: f64) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
-        let (source, seed, part) = (Some(&self.source), self.seed, self.wave);
+        let (source, seed, wave) = (Some(&self.source), self.seed, self.wave);
         RayStream {
             kind: self.kind,
             coherence: self.spec.coherence,
             tasks: &self.tasks,
             seed,
-            part,
+            wave,
             source,
             devices,
-            blind_excess,
+            uninformed_excess,
         }
     }
 
@@ -91,8 +91,8 @@ pub struct Scheduling {
     /// Makes what hands tasks out: a [`QueueKind`], or one's own.
     pub queue: Box<dyn QueueMaker>,
     /// What a stream loses without an estimate, as a share of its makespan, for estimators that ask whether they pay;
-    /// `None`: as expected from queue, tasks and devices ([`rt_sched::blind`]). With 1 an estimate always pays.
-    pub blind_excess: Option<f64>,
+    /// `None`: as expected from queue, tasks and devices ([`rt_sched::uninformed`]). With 1 an estimate always pays.
+    pub uninformed_excess: Option<f64>,
     /// How long devices may take.
     pub limits: Limits,
     /// How many of the hits the host traces again, to see whether a device can be believed.
@@ -106,7 +106,7 @@ impl Default for Scheduling {
             estimator: Box::<Auto>::default(),
             policy: None,
             queue: Box::<QueueKind>::default(),
-            blind_excess: None,
+            uninformed_excess: None,
             limits: Limits::default(),
             audit: Audit::default(),
         }
@@ -117,8 +117,8 @@ impl Scheduling {
     /// Checks what a caller can get wrong.
     pub(crate) fn check(&self) -> Result<(), BalanceError> {
         self.policy()?;
-        match self.blind_excess {
-            Some(excess) if excess.is_nan() || excess < 0.0 => Err(BalanceError::BlindExcess(excess)),
+        match self.uninformed_excess {
+            Some(excess) if excess.is_nan() || excess < 0.0 => Err(BalanceError::UninformedExcess(excess)),
             _ => Ok(()),
         }
     }
@@ -151,9 +151,9 @@ pub struct Control<'a> {
     /// Set to `true` (from any thread) to stop at once. Devices end what they are at behind the caller's back; the next
     /// stream waits for them.
     pub cancel: Option<&'a AtomicBool>,
-    /// Called with (rays done, rays of the stream), after every launch at most, by the thread that traces, which does nothing
-    /// else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A panic in it
-    /// stops the stream and is passed on when the devices are at rest; they are as good as before.
+    /// Called with (rays done, rays of the stream), after every launch at most, by the thread that traces, which does
+    /// nothing else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A
+    /// panic in it stops the stream and is passed on when the devices are at rest; they are as good as before.
     pub progress: Option<&'a dyn Fn(u64, u64)>,
 }
 

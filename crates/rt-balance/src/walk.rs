@@ -1,9 +1,9 @@
 //! Walks a list of rays on all devices in parallel.
 
+use crate::device_state::{DeviceState, all_lost, cancelled};
+use crate::device_thread::{Answer, Call, Done, Walked};
 use crate::limits::{Heard, Limits, OVERRUN, after, earlier, hear};
-use crate::member::{Member, all_lost, cancelled};
 use crate::record::WalkDone;
-use crate::worker::{Answer, Call, Done, Walked};
 use crate::{BalanceError, Control};
 use rt_core::{DeviceError, DeviceErrorKind, Hit, TestCounts, Walk};
 use std::collections::VecDeque;
@@ -15,12 +15,12 @@ use std::time::{Duration, Instant};
 /// Fewest samples worth a call to a device: below it the hand-over (some 10 µs) costs more than the rays.
 const LEAST_CHUNK: usize = 256;
 
-/// Chunks that a device has at a time, so that it goes on while the driver takes its answer; one before it has answered, since
-/// nothing is known of its speed.
+/// Chunks that a device has at a time, so that it goes on while the driver takes its answer; one before it has
+/// answered, since nothing is known of its speed.
 const AHEAD: usize = 2;
 
-/// The share of what is left, in a device's fair share of it, that its next chunk takes, without a unit: with two chunks at a
-/// time, half of it is left to mend what was thought of its speed.
+/// The share of what is left, in a device's fair share of it, that its next chunk takes, without a unit: with two
+/// chunks at a time, half of it is left to mend what was thought of its speed.
 const CHUNK_SHARE: f64 = 0.25;
 
 /// What came of a walk.
@@ -40,7 +40,7 @@ pub(crate) struct Found {
 /// # Errors
 /// When the caller cancels, or some rays were walked by no device: all failed, or those left have no such walk.
 pub(crate) fn walk_on_all(
-    members: &mut [Member],
+    members: &mut [DeviceState],
     rays: &Arc<Vec<u32>>,
     walk: Walk,
     limits: &Limits,
@@ -126,7 +126,7 @@ struct Walking<'a> {
 }
 
 impl Walking<'_> {
-    fn all(mut self, members: &mut [Member]) -> Result<Found, BalanceError> {
+    fn all(mut self, members: &mut [DeviceState]) -> Result<Found, BalanceError> {
         loop {
             for walker in 0..self.walkers.len() {
                 self.feed(walker, members);
@@ -156,7 +156,7 @@ impl Walking<'_> {
         Ok(self.found)
     }
 
-    fn feed(&mut self, walker: usize, members: &mut [Member]) {
+    fn feed(&mut self, walker: usize, members: &mut [DeviceState]) {
         while let Some(chunk) = self.chunk_for(walker) {
             let walker = &mut self.walkers[walker];
             if walker.asked.is_empty() {
@@ -170,8 +170,9 @@ impl Walking<'_> {
 
     /// The next chunk of a walker, if it is to have one.
     ///
-    /// Chunks begin small and grow with what a walker has done (as C. Polychronopoulos and D. Kuck, *Guided Self-Scheduling*,
-    /// 1987, but weighted by speeds found): all wait for the last, and one device may be a fiftieth as fast as another.
+    /// Chunks begin small and grow with what a walker has done (as C. Polychronopoulos and D. Kuck, *Guided
+    /// Self-Scheduling*, 1987, but weighted by speeds found): all wait for the last, and one device may be a fiftieth
+    /// as fast as another.
     fn chunk_for(&mut self, walker: usize) -> Option<usize> {
         let Walker { able, late, walked, ref asked, .. } = self.walkers[walker];
         let ahead = if walked == 0 { 1 } else { AHEAD };
@@ -194,7 +195,8 @@ impl Walking<'_> {
             fastest = fastest.max(other.walked);
             others_walk |= !other.asked.is_empty();
         }
-        // All began together, so rays walked are speeds. Whoever would be the last to end leaves what there is to others.
+        // All began together, so rays walked are speeds. Whoever would be the last to end leaves what there is to
+        // others.
         let seconds = |rays: usize, speed: usize| rays as f64 / speed.max(1) as f64;
         let least = LEAST_CHUNK.min(open);
         if others_walk && walked > 0 && seconds(least, walked) > seconds(open, all - walked) + seconds(least, fastest) {
@@ -215,7 +217,7 @@ impl Walking<'_> {
         after(walker.since, self.limits.late).and_then(|at| after(at, expected))
     }
 
-    fn deadline(&self, members: &[Member]) -> Option<Instant> {
+    fn deadline(&self, members: &[DeviceState]) -> Option<Instant> {
         let waiting = self.walkers.iter().filter(|walker| !walker.asked.is_empty());
         waiting.fold(None, |deadline, walker| {
             let late_at = if walker.late { None } else { self.late_at(walker) };
@@ -224,7 +226,7 @@ impl Walking<'_> {
     }
 
     /// Looks for devices that are late.
-    fn look(&mut self, members: &mut [Member]) {
+    fn look(&mut self, members: &mut [DeviceState]) {
         let now = Instant::now();
         for index in 0..self.walkers.len() {
             let walker = &self.walkers[index];
@@ -248,7 +250,7 @@ impl Walking<'_> {
         self.open.extend(asked.iter().filter(|&&chunk| by[chunk].is_none()));
     }
 
-    fn take(&mut self, answer: Answer, members: &mut [Member]) {
+    fn take(&mut self, answer: Answer, members: &mut [DeviceState]) {
         let Answer { member, result, status } = answer;
         let Some(index) = self.walkers.iter().position(|walker| walker.member == member) else { return };
         members[member].answered(&status);

@@ -1,8 +1,8 @@
 //! Which nodes of the two-wide tree become children of the same node of an eight-wide layout.
 //!
-//! The dynamic programme of H. Ylitie, T. Karras and S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed
-//! Wide BVHs* (HPG 2017, section 3.1): for each subtree and each number of roots from 1 to 7, the least cost, by the surface
-//! area heuristic, of a forest of at most so many wide nodes and leaves that holds it.
+//! The dynamic programme of H. Ylitie, T. Karras and S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through
+//! Compressed Wide BVHs* (HPG 2017, section 3.1): for each subtree and each number of roots from 1 to 7, the least
+//! cost, by the surface area heuristic, of a forest of at most so many wide nodes and leaves that holds it.
 
 use crate::stats::Areas;
 use alloc::vec;
@@ -31,8 +31,8 @@ pub(crate) struct Costs {
 pub(crate) struct Forest {
     /// Cost by number of roots allowed, less one.
     cost: [f32; ROOTS],
-    /// For each number of roots, less one, how many of them the first child's forest may have; 0: one root less does as well.
-    /// Means nothing for one root.
+    /// For each number of roots, less one, how many of them the first child's forest may have; 0: one root less does as
+    /// well. Means nothing for one root.
     first: [u8; ROOTS],
     /// With a single root: how many of a wide node's eight children the first child's forest may be; 0: a leaf.
     node: u8,
@@ -201,8 +201,8 @@ impl Costs {
         cut(first, count, self.pieces(count)).map(|(first, count)| Part::Leaf { first, count })
     }
 
-    /// The children of a wide node that holds nothing but `count` triangles from `first` on. Either all are leaves or none
-    /// is, so that the triangles stay in order.
+    /// The children of a wide node that holds nothing but `count` triangles from `first` on. Either all are leaves or
+    /// none is, so that the triangles stay in order.
     fn divide(self, first: u32, count: u32) -> impl Iterator<Item = Part> {
         let pieces = self.pieces(count);
         let small = pieces <= WIDTH as u32;

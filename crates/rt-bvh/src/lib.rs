@@ -5,11 +5,12 @@
 //! tree.
 //!
 //! It traces two layouts, the scene's own two-wide tree and an eight-wide compressed one made from it ([`WideTree`],
-//! [`trace_wide`], [`count_wide`]), with one traversal loop each, generic over a visitor. Hits are a function of ray and triangles alone: they do not
-//! depend on the builder, its options, the layout or the order of traversal (the module `trace` says why).
+//! [`trace_wide`], [`count_wide`]), with one traversal loop each, generic over a visitor. Hits are a function of ray
+//! and triangles alone: they do not depend on the builder, its options, the layout or the order of traversal (the
+//! module `trace` says why).
 //!
-//! [`BlockTree`] is a third layout, for kernels that use the SIMD words of processors: eight-wide too, with boxes in single
-//! precision and leaves of four triangles. This crate makes and checks it, and does not trace it.
+//! [`BlockTree`] is a third layout, for kernels that use the SIMD words of processors: eight-wide too, with boxes in
+//! single precision and leaves of four triangles. This crate makes and checks it, and does not trace it.
 //!
 //! [`walk_packets`] walks the two-wide tree with sixteen rays at a time: the same hits and counts, sooner where
 //! neighbouring rays take similar paths.
@@ -18,8 +19,9 @@
 //!
 //! * Portable code without `unsafe`: SIMD words are the compiler's. Only packets are also compiled for AVX2
 //!   ([`walk_packets_avx2`]); calling that is `unsafe` where the caller is not compiled for it as well.
-//! * Where a mesh has coordinates 2⁶⁰ times as large as its details, or a ray starts as far away, boxes hardly help: every ray is
-//!   tested against much of the mesh, and graphics cards leave it to the host. Hits are right all the same.
+//! * Where a mesh has coordinates 2⁶⁰ times as large as its details, or a ray starts as far away, boxes hardly help:
+//!   every ray is tested against much of the mesh, and graphics cards leave it to the host. Hits are right all the
+//!   same.
 //! * Spatial splits are not made: a triangle is in exactly one leaf.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -38,12 +40,12 @@ mod wide;
 use rt_core::scale;
 
 pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
-pub use build::{BuildError, BuildReport, Built, Fallback, build};
+pub use build::{BuildError, BuildReport, Built, Fallback, build, build_with};
 #[cfg(feature = "obvhs")]
 pub use options::PlocQuality;
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, UnknownBuilder};
 pub use stats::TreeStats;
 #[cfg(target_arch = "x86_64")]
 pub use trace::walk_packets_avx2;
-pub use trace::{PacketWalk, ReducedTree, Stack, count, count_wide, offload, trace, trace_wide, walk_packets};
+pub use trace::{PacketWalk, ReducedTree, Stack, count, count_wide, kernel_io, trace, trace_wide, walk_packets};
 pub use wide::{WideError, WideNode, WideTree};

@@ -3,8 +3,8 @@
 use crate::scale::{exponent, pow2};
 use rt_core::{Aabb, Child, Scene};
 
-/// Cost of visiting a node: two box tests, each at the price of a triangle test. Between 1 and 2 the trees trace equally
-/// fast; 2 makes them smaller.
+/// Cost of visiting a node: two box tests, each at the price of a triangle test. Between 1 and 2 the trees trace
+/// equally fast; 2 makes them smaller.
 pub(crate) const NODE_COST: f32 = 2.0;
 /// Cost of a triangle test: the unit.
 pub(crate) const TRIANGLE_COST: f32 = 1.0;

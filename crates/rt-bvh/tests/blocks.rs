@@ -53,7 +53,8 @@ fn soup_of_nested(count: usize) -> Vec<rt_core::Triangle> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(32))]
 
-    // Fails when an absent child of the root is taken for a leaf, and when triangles of a merged leaf are counted twice.
+    // Fails when an absent child of the root is taken for a leaf, and when triangles of a merged leaf are counted
+    // twice.
     #[test]
     fn trees_of_few_triangles_are_sound(count in 0_usize..70, size in 0.01_f32..2.0, seed in any::<u32>()) {
         assert_sound(&soup(count, size, seed), "random");

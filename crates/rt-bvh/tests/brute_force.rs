@@ -1,8 +1,8 @@
-//! Every builder and precision against testing every triangle with the reference test.
+//! Every builder, precision and set of instructions against testing every triangle with the reference test.
 
 mod common;
 
-use common::{Model, Random, closest, cube, grid, icosphere, nasty_rays, scene_of, soup, trace_all};
+use common::{Model, Random, closest, cube, grid, icosphere, in_words, nasty_rays, scene_of, soup, trace_all};
 use glam::Vec3;
 use proptest::prelude::*;
 use rt_bvh::{Builder, Stack, trace};
@@ -13,7 +13,7 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-/// Asserts that all builders and both careful precisions give the hits of brute force, bit for bit.
+/// Asserts that all builders, both careful precisions and all instructions give the hits of brute force, bit for bit.
 fn assert_brute(model: &Model, rays: &[Ray], name: &str) {
     let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
     for &builder in Builder::ALL {
@@ -21,6 +21,11 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) {
         for precision in [Precision::Robust, Precision::Double] {
             for ((ray, got), want) in rays.iter().zip(closest(&scene, precision, rays)).zip(&expected) {
                 assert_eq!(bits(got), bits(*want), "{name}, {builder}, {precision:?}: {ray:?}\n{got:?}\n{want:?}");
+            }
+        }
+        for (isa, hits) in in_words(&scene, rays) {
+            for ((ray, got), want) in rays.iter().zip(hits).zip(&expected) {
+                assert_eq!(bits(got), bits(*want), "{name}, {builder}, {isa}: {ray:?}\n{got:?}\n{want:?}");
             }
         }
     }

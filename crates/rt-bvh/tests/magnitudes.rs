@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Model, Random, closest, nasty_rays, scene_of, soup};
+use common::{Model, Random, closest, in_words, nasty_rays, scene_of, soup};
 use glam::Vec3;
 use rt_bvh::{Builder, PacketWalk, Stack, WideTree, trace_wide, walk_packets};
 use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec};
@@ -11,7 +11,8 @@ fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-/// The hits of every builder, precision and layout are those of every triangle in the coordinates of the file.
+/// The hits of every builder, precision, layout and set of instructions are those of every triangle in the coordinates
+/// of the file.
 fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
     let expected: Vec<_> = rays.iter().map(|ray| model.brute(ray, u32::MAX)).collect();
     let compare = |found: Vec<Hit>, how: &str| {
@@ -27,6 +28,9 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
             compare(in_packets(&scene, precision, rays), &format!("{builder}, {precision:?}, packets"));
         }
         compare(in_wide_tree(&scene, rays), &format!("{builder}, wide"));
+        for (isa, hits) in in_words(&scene, rays) {
+            compare(hits, &format!("{builder}, {isa}"));
+        }
     }
     expected
 }
@@ -55,8 +59,8 @@ fn model(triangles: &[[[f32; 3]; 3]]) -> Model {
     model
 }
 
-// A ray that passes a triangle of size 10⁻¹⁴ at 4.84 units, in a scene that a far triangle makes large: boxes are padded by so
-// much that the ray enters the small one's. Fails when double precision or a box decides.
+// A ray that passes a triangle of size 10⁻¹⁴ at 4.84 units, in a scene that a far triangle makes large: boxes are
+// padded by so much that the ray enters the small one's. Fails when double precision or a box decides.
 #[test]
 fn a_tiny_triangle_is_no_phantom() {
     let [a, b, c, d] = [[-50.0, -50.0, -2.0], [50.0, -50.0, -2.0], [50.0, 50.0, -2.0], [-50.0, 50.0, -2.0]];
@@ -151,8 +155,8 @@ fn rays_from_the_ends_of_the_number_range_hit() {
     assert!(hits > 200, "{hits}");
 }
 
-// Distances that single precision cannot tell from each other are ties. Fails when a limit that was rounded to a subnormal number
-// shuts boxes behind it.
+// Distances that single precision cannot tell from each other are ties. Fails when a limit that was rounded to a
+// subnormal number shuts boxes behind it.
 #[test]
 fn distances_that_all_but_vanish_are_ties_for_the_lowest_id() {
     let least = f32::from_bits(1);

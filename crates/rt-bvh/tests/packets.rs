@@ -145,9 +145,9 @@ fn free(rays: Vec<Ray>) -> Vec<(Ray, u32)> {
     rays.into_iter().map(|ray| (ray, u32::MAX)).collect()
 }
 
-// Coherent and incoherent rays over all trees. Mutants: all rays follow the majority; rays left behind are not compared with
-// their limits; limits that do not follow hits (of `triangles`, of `part`, of `leaf`); rays that ended stay open; a filter
-// without its error; triangles counted for rays that ended; a minority that never comes back.
+// Coherent and incoherent rays over all trees. Mutants: all rays follow the majority; rays left behind are not compared
+// with their limits; limits that do not follow hits (of `triangles`, of `part`, of `leaf`); rays that ended stay open;
+// a filter without its error; triangles counted for rays that ended; a minority that never comes back.
 #[test]
 fn packets_are_single_rays() {
     for (name, model) in [
@@ -172,8 +172,8 @@ fn packets_are_single_rays() {
     }
 }
 
-// Any number of rays, with invalid ones anywhere among them. Mutants: an invalid ray shifts the answers of those behind it; a
-// last packet that is not full loses rays, or repeats those of the one before.
+// Any number of rays, with invalid ones anywhere among them. Mutants: an invalid ray shifts the answers of those behind
+// it; a last packet that is not full loses rays, or repeats those of the one before.
 #[test]
 fn every_ray_gets_its_own_answer() {
     let model = soup(200, 0.3, 8);

@@ -46,8 +46,8 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) {
     }
 }
 
-// Fails when wide boxes are not padded, and when a ray's octant is turned round for the planes through which it enters but not
-// for those through which it leaves.
+// Fails when wide boxes are not padded, and when a ray's octant is turned round for the planes through which it enters
+// but not for those through which it leaves.
 #[test]
 fn hits_are_those_of_every_triangle() {
     for (name, model) in [
@@ -309,8 +309,8 @@ fn point() -> impl Strategy<Value = Vec3> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
-    // Fails with the mutants named at `hits_are_those_of_every_triangle`, and when a lower plane that rounding put too high is
-    // not lowered.
+    // Fails with the mutants named at `hits_are_those_of_every_triangle`, and when a lower plane that rounding put too
+    // high is not lowered.
     #[test]
     fn any_mesh_and_any_ray_agree_with_the_two_wide_tree(
         positions in prop::collection::vec(point(), 3..40),

@@ -2,7 +2,7 @@
 
 mod balance;
 mod bench;
-mod cards;
+mod devices;
 mod figure1;
 mod parse;
 mod render;
@@ -11,13 +11,13 @@ mod trace;
 mod tradeoff;
 mod verify;
 
-use crate::exit::Exit;
 pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
-pub(crate) use cards::CardArgs;
 use clap::{Args, Parser, Subcommand};
+pub(crate) use devices::DeviceArgs;
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;
+use rt_report::exit::Exit;
 pub(crate) use scene::{PrecisionArg, SceneArgs};
 pub(crate) use trace::TraceArgs;
 pub(crate) use tradeoff::{PrecisionTradeoffArgs, TradeArg, TradeArgs, TradeoffArgs};

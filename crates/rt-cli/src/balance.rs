@@ -2,7 +2,7 @@
 
 use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rt_balance::catalogue::{Estimator, Make};
 use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
 use rt_report::usage::{OrUsage, usage};
@@ -19,7 +19,7 @@ impl EstimateArgs {
     pub(crate) fn chosen(&self) -> Result<Estimator> {
         let entry = self.estimator;
         let unused = |option, instead| {
-            Err(usage(format!("{option} has no meaning for the estimator {}: {instead}", entry.name)))
+            Err(usage(format!("{option} has no meaning for the estimator {}: {instead}", entry.name)).into())
         };
         if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..) | Make::Beginning(..)) {
             return unused("--fraction", "name one that samples so many rays, such as --estimator exact");
@@ -53,7 +53,7 @@ impl BalanceArgs {
         let limits = Limits::within(self.device_limit);
         let queue = Box::new(self.queue.make);
         let scheduling = Scheduling { estimator, policy, queue, limits, ..Scheduling::default() };
-        scheduling.policy().context("--policy").or_usage()?;
+        scheduling.policy().or_usage("--policy")?;
         Ok(scheduling)
     }
 

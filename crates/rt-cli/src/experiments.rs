@@ -46,7 +46,7 @@ fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'
     scene::check(scenes)?;
     let show = Terminal { bar: progress::bar("", WHOLE as u64) };
     let scenes = |scene: &Path| -> Result<Prepared> { source.prepare(scene) };
-    experiment(Lab { scenes: &scenes, stop: interrupt::flag(), show: &show })
+    experiment(Lab::new(&scenes, interrupt::flag(), &show))
 }
 
 pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
@@ -70,7 +70,8 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
     let options = bench::Options {
         scenes: args.scenes.clone(),
         devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
-        cards: args.cards.options(),
+        cards: args.device.cards(),
+        isa: args.device.isa,
         rays: args.rays,
         repeat: args.repeat,
         quick: args.quick,

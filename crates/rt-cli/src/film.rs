@@ -52,6 +52,6 @@ impl Film {
     pub(crate) fn write_png(&self, path: &Path) -> Result<()> {
         let mean = 1.0 / self.samples as f32;
         let exposure = exposure(|| self.sums.iter().map(|&sum| sum * mean));
-        image::write_png(path, self.size, &self.sums, mean * exposure)
+        Ok(image::write_png(path, self.size, &self.sums, mean * exposure)?)
     }
 }

@@ -1,12 +1,12 @@
 //! SIGINT and SIGTERM: the first one ends the command within a second, wherever it is.
 //!
-//! It sets a flag, which everything that can stop in good order looks at. Not everything can: a parser, a compiler of kernels, a
-//! driver, a full pipe. So what has not ended when [`PATIENCE`] is over is ended from outside, and what it was writing is removed.
-//! A second signal has no patience.
+//! It sets a flag, which everything that can stop in good order looks at. Not everything can: a parser, a compiler of
+//! kernels, a driver, a full pipe. So what has not ended when [`PATIENCE`] is over is ended from outside, and what it
+//! was writing is removed. A second signal has no patience.
 
-use crate::exit::Exit;
 use anyhow::{Result, bail};
 use rt_balance::Control;
+use rt_report::exit::Exit;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::Duration;
 
@@ -19,8 +19,8 @@ static REQUESTED: AtomicBool = AtomicBool::new(false);
 /// The exit code that goes with the signal; 0 before there was one.
 static CODE: AtomicU8 = AtomicU8::new(0);
 
-/// Begins to watch for signals. Where that is not possible they end the process at once, which loses nothing but may leave files
-/// in the making; the next run clears them.
+/// Begins to watch for signals. Where that is not possible they end the process at once, which loses nothing but may
+/// leave files in the making; the next run clears them.
 pub(crate) fn watch() {
     #[cfg(unix)]
     let _ = signals::watch();

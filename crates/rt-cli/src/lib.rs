@@ -1,17 +1,14 @@
 //! The parts of the raybalance command, as a library so that they can be tested.
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 mod args;
 mod balance;
-mod exit;
 mod experiments;
 mod film;
 mod frame;
 mod interrupt;
 mod list;
 mod memory;
-pub mod npy;
 mod progress;
 mod render;
 mod scene;
@@ -22,10 +19,11 @@ mod verify;
 use anyhow::{Context, Result};
 use args::{Cli, Command};
 use clap::Parser;
-use exit::Exit;
-use rt_report::print::{Stdout, StdoutError, note};
+use rt_balance::devices;
+use rt_report::exit::Exit;
+use rt_report::print::StdoutError;
+use rt_report::usage::usage;
 use rt_report::{chart, html, output, report, table};
-use std::io::Write;
 use std::process::ExitCode;
 
 /// Runs the command line; `--help` lists the exit codes.
@@ -45,6 +43,7 @@ pub fn main() -> ExitCode {
 }
 
 fn run(cli: Cli) -> Result<()> {
+    devices::check_environment().map_err(|bad| usage(bad.to_string()))?;
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
     if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
         // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.
@@ -63,13 +62,10 @@ fn run(cli: Cli) -> Result<()> {
     }
 }
 
-/// Says what went wrong.
+/// What a run ends in; whoever sent a signal is told that it was heard.
 fn end(result: Result<()>) -> Exit {
-    let Err(error) = result.and_then(|()| Ok(Stdout.flush()?)) else { return Exit::Success };
-    if StdoutError::of(&*error).is_some_and(StdoutError::is_closed) {
-        return Exit::ClosedPipe;
+    match Exit::after(result) {
+        quiet @ (Exit::Success | Exit::ClosedPipe) => quiet,
+        failed => interrupt::exit().unwrap_or(failed),
     }
-    // Causes on one line: the chain ends with what to do.
-    note(format_args!("error: {error:#}"));
-    interrupt::exit().unwrap_or_else(|| Exit::of(&error))
 }

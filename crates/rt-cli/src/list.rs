@@ -2,7 +2,7 @@
 
 use crate::table::{Table, grouped};
 use anyhow::Result;
-use rt_balance::cpu::CpuDevice;
+use rt_balance::cpu::{CpuDevice, Isa};
 use rt_balance::devices::{Api, CardOptions, Found};
 use rt_balance::vulkan::Card;
 use rt_core::Device;
@@ -19,6 +19,8 @@ struct Entry {
     backend: &'static str,
     /// Hardware threads of a CPU device.
     threads: Option<u32>,
+    /// Instructions that it traces with.
+    isa: Option<Isa>,
     memory: Option<u64>,
     in_flight: Option<u32>,
     /// What is said of a graphics device.
@@ -37,6 +39,7 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
             name: info.name.clone(),
             backend: info.backend,
             threads: Some(info.units),
+            isa: Some(device.isa()),
             memory: info.memory,
             in_flight: Some(info.in_flight),
             card: None,
@@ -57,6 +60,7 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
             let card = entry.card.as_ref();
             json!({
                 "device": entry.spec, "name": entry.name, "backend": entry.backend, "threads": entry.threads,
+                "isa": entry.isa.map(Isa::name),
                 "memory_bytes": entry.memory, "in_flight": entry.in_flight,
                 "driver": card.map(|card| &card.driver), "software": card.map(|card| card.software),
                 "binding_bytes": card.map(|card| card.binding), "kernels": card.map(|card| card.kernels),
@@ -104,6 +108,7 @@ fn gpu_entry(api: Api, index: usize, found: &Found) -> Entry {
         name: "–".to_owned(),
         backend: api.name(),
         threads: None,
+        isa: None,
         memory: None,
         in_flight: None,
         card: None,

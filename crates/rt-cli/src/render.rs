@@ -12,9 +12,9 @@ use anyhow::{Context, Result};
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
-use rt_core::{Scene, StreamKind};
+use rt_core::{Device, Scene, StreamKind};
+use rt_report::Provenance;
 use rt_report::chart::cost::CostMap;
-use rt_report::command_words;
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
 use rt_scene::prepare::Prepared;
@@ -38,12 +38,14 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
     let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
     scene::check([scene])?;
-    outputs.scenes([scene]).check()?;
+    let outputs = outputs.scenes([scene]);
+    outputs.check()?;
     let waves = cut(args, Room::now())?;
     let prepared = args.source.prepare(scene)?;
+    outputs.spare_materials(&prepared.libraries)?;
     let first = choose_view(&prepared, args)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
+    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
     let begin = Instant::now();
     let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
     let setup = begin.elapsed().as_secs_f64();
@@ -91,13 +93,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let Session { scheduling, runs, .. } = session;
     let begin = Instant::now();
     drop(film);
-    write_charts(args, &costs, &runs)?;
+    let provenance = Provenance::now(args.balance.seed, names(&devices));
+    write_charts(args, &costs, &runs, &provenance)?;
     seconds.write += begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let report = Report {
         schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
+        provenance: provenance.clone(),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -112,7 +114,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         map: &costs,
         size: args.size,
         samples: args.spp,
-        seed: args.balance.seed,
         picture: &args.out.join(picture_name(0, args)),
         estimated: scaled_estimate,
     };
@@ -134,7 +135,7 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
         up: args.up.unwrap_or(base.up),
         fov_degrees: args.fov.unwrap_or(base.fov_degrees),
     };
-    view.camera().context("--eye, --target, --up, --fov").or_usage()?;
+    view.camera().or_usage("--eye, --target, --up, --fov")?;
     Ok(view)
 }
 
@@ -154,7 +155,7 @@ fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-/// Bytes that what is recorded of a task takes, and of what is written about it: 250 measured, for as many as there are.
+/// Bytes that what is recorded of a task takes, and what is written about it: an estimate, meant to be too high.
 const BYTES_PER_TASK: u64 = 512;
 
 /// Least memory in which rays are traced.
@@ -192,19 +193,24 @@ fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
     }
 }
 
-fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun]) -> Result<()> {
-    chart::timeline::write_svg(&args.out.join("timeline.svg"), runs)?;
-    chart::trace::write_json(&args.out.join("trace.json"), runs)?;
-    costs.write_png(&args.out.join("cost.png"))
+fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
+    chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
+    chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
+    Ok(costs.write_png(&args.out.join("cost.png"))?)
 }
 
 /// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
-/// its first launches its prices come from sparse samples, which are dearer than what follows.
+/// its first launches its prices come from sparse samples, which are more expensive than what follows.
 fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
     let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
     let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));
     let scale = if predicted > 0.0 && measured > 0.0 { measured / predicted } else { 1.0 };
     run.predicted_s.iter().map(|seconds| seconds * scale).collect()
+}
+
+/// What devices call themselves.
+pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
+    devices.iter().map(|device| device.info().name.as_str())
 }
 
 pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {

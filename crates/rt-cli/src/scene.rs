@@ -52,7 +52,7 @@ pub(crate) fn load(scene: &Path) -> Result<Model> {
     Ok(named.model)
 }
 
-/// Shows how far a scene is loaded, if that takes long, and stops when the user asks for it.
+/// Shows how far a scene is loaded and its tree built, if that takes long, and stops when the user asks for it.
 fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> Result<T, PrepareError> {
     let start = Instant::now();
     let mut bar: Option<(LoadStage, ProgressBar)> = None;
@@ -77,7 +77,7 @@ fn with_bar<T>(load: impl FnOnce(&mut Watch<'_>) -> Result<T, PrepareError>) -> 
 /// What the command line knows better.
 fn explained(error: PrepareError) -> anyhow::Error {
     match error {
-        PrepareError::Unknown { .. } => usage(error.to_string()),
+        PrepareError::Unknown { .. } => usage(error.to_string()).into(),
         error => error.into(),
     }
 }
@@ -88,6 +88,7 @@ const fn label(stage: LoadStage) -> &'static str {
         LoadStage::Parsing => "parsing",
         LoadStage::Placing => "placing",
         LoadStage::Scanning => "scanning",
+        LoadStage::Building => "building",
     }
 }
 

@@ -59,8 +59,8 @@ const BRIGHT: f32 = 0.7;
 pub(crate) fn exposure<I: Iterator<Item = Vec3>>(radiance: impl Fn() -> I) -> f32 {
     let luminance = |c: Vec3| 0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z;
     let lit = || radiance().map(luminance).filter(|&l| l > 0.0 && l.is_finite()).map(f32::to_bits);
-    // Positive numbers are in the order of their bits: of the upper half of those first, of the lower half then. So nothing
-    // that grows with the picture is held.
+    // Positive numbers are in the order of their bits: of the upper half of those first, of the lower half then. So
+    // nothing that grows with the picture is held.
     let (upper, rank) = selected(lit().map(|bits| bits >> 16), |count| count.saturating_sub(1) * 97 / 100);
     let (lower, _) = selected(lit().filter(|bits| bits >> 16 == upper).map(|bits| bits & 0xffff), |_| rank);
     match f32::from_bits(upper << 16 | lower) {
@@ -69,8 +69,8 @@ pub(crate) fn exposure<I: Iterator<Item = Vec3>>(radiance: impl Fn() -> I) -> f3
     }
 }
 
-/// The number below 2¹⁶ that has the rank that is asked for (which is told how many there are) among `numbers`, and the rank
-/// among those equal to it; 0 where there is none.
+/// The number below 2¹⁶ that has the rank that is asked for (which is told how many there are) among `numbers`, and the
+/// rank among those equal to it; 0 where there is none.
 fn selected(numbers: impl Iterator<Item = u32>, rank: impl Fn(u64) -> u64) -> (u32, u64) {
     let mut counts = vec![0_u64; 1 << 16];
     let mut all = 0;

@@ -3,12 +3,14 @@
 use crate::args::TraceArgs;
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, Seconds};
-use crate::{interrupt, npy, progress, render, scene, table};
+use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
-use rt_report::command_words;
+use rt_report::Provenance;
+use rt_report::npy;
 use rt_report::print::Stdout;
+use rt_scene::npy::RayFile;
 use std::io::Write;
 use std::sync::Arc;
 use std::time::Instant;
@@ -22,11 +24,12 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     }
     scene::check([&args.scene])?;
     outputs.check()?;
-    let rays = npy::RayFile::open(&args.rays)?;
+    let rays = RayFile::open(&args.rays)?;
     let prepared = args.source.prepare(&args.scene)?;
+    outputs.spare_materials(&prepared.libraries)?;
     let rays = rays.read(prepared.model.offset)?;
     let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.cards.open(args.balance.devices.as_deref())?;
+    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
 
     let query = if args.any { Query::Any } else { Query::Closest };
@@ -63,8 +66,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            version: env!("CARGO_PKG_VERSION"),
-            command: command_words(),
+            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: render::scene_report(&prepared, &scene),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),

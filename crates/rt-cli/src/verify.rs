@@ -1,10 +1,10 @@
 //! `raybalance verify`: the promises about hits, tried on the devices of this machine.
 
-use crate::args::{CardArgs, VerifyArgs};
+use crate::args::{DeviceArgs, VerifyArgs};
 use crate::table::{Table, grouped, seconds};
 use crate::{interrupt, progress, scene};
 use anyhow::{Result, bail};
-use rt_report::command_words;
+use rt_report::Provenance;
 use rt_report::print::Stdout;
 use rt_verify::{DeviceReport, Extent, Options, Promise, Row, Subject, Suite, Verdict, Watch};
 use serde::Serialize;
@@ -22,10 +22,8 @@ const STEPS: f64 = 1000.0;
 #[derive(Debug, Serialize)]
 struct Report<'a> {
     schema: u32,
-    version: &'static str,
-    command: Vec<String>,
+    provenance: Provenance,
     extent: &'static str,
-    seed: u32,
     builder: String,
     scenes: Vec<String>,
     promises: Vec<(u8, &'static str)>,
@@ -34,14 +32,14 @@ struct Report<'a> {
 }
 
 /// Version of the report's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     let begin = Instant::now();
     let names = if args.scenes.is_empty() { SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     scene::check(&names)?;
     let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
-    let devices = CardArgs::default().open(Some(&args.backend))?;
+    let devices = DeviceArgs::default().open(Some(&args.backend))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };
     let suite = Suite::new(Options { extent, rays: args.rays, seed: args.seed, builder: args.builder }, models);
 
@@ -62,10 +60,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            version: env!("CARGO_PKG_VERSION"),
-            command: command_words(),
+            provenance: Provenance::now(args.seed, reports.iter().map(|report| report.device.clone())),
             extent: extent.name(),
-            seed: args.seed,
             builder: args.builder.to_string(),
             scenes: names.iter().map(|name| name.display().to_string()).collect(),
             promises: Promise::ALL.map(|promise| (promise.number(), promise.text())).to_vec(),

@@ -17,7 +17,8 @@ fn rendered(arguments: &[&str]) -> Vec<u8> {
     fs::read(dir.path().join("image.png")).expect("a picture")
 }
 
-/// Fails when noise depends on waves, a bounce numbers its rays anew in each of them, or sums depend on who traced what.
+/// Fails when noise depends on waves, a bounce numbers its rays anew in each of them, or sums depend on who traced
+/// what.
 #[test]
 fn a_picture_depends_on_its_seed_alone() {
     let common = ["yard", "--size", "61x40", "--spp", "3", "--bounces", "2", "--seed", "5"];

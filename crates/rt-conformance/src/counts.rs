@@ -1,31 +1,31 @@
 //! Cases about counted tests: they are device-independent, so they must be `rt_bvh`'s own.
 
 use crate::Case;
-use crate::candidate::{Candidate, Capability};
 use crate::fixtures;
+use crate::need::{Need, had};
 use crate::session::{Session, ensure, same_hits};
-use rt_core::{Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
+use rt_core::{Device, Hit, Precision, Query, ReducedWalk, StreamSpec, TestCounts, Walk};
 use rt_verify::tree;
 
 pub(crate) const CASES: &[Case] = &[
     Case {
         name: "counts_are_the_trees_own",
-        needs: &[Capability::Counts, Capability::CommonTree, Capability::DefinedBits],
+        needs: &[Need::SceneTree, Need::DefinedBits],
         run: counts_are_the_trees_own,
     },
-    Case {
-        name: "full_walks_agree_with_launches",
-        needs: &[Capability::Counts, Capability::FullWalks],
-        run: full_walks_agree_with_launches,
-    },
+    Case { name: "full_walks_agree_with_launches", needs: &[Need::Counts], run: full_walks_agree_with_launches },
     Case {
         name: "reduced_walks_count_as_the_tree_does",
-        needs: &[Capability::ReducedWalks, Capability::CommonTree],
+        needs: &[
+            Need::SceneTree,
+            Need::ReducedWalk(ReducedWalk::LeafAsHit),
+            Need::ReducedWalk(ReducedWalk::Unshortened),
+        ],
         run: reduced_walks_count_as_the_tree_does,
     },
 ];
 
-fn counts_are_the_trees_own(device: &Candidate<'_>) -> Result<(), String> {
+fn counts_are_the_trees_own(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for query in [Query::Closest, Query::Any] {
             let spec = StreamSpec::new(query, Precision::Robust, true);
@@ -38,7 +38,8 @@ fn counts_are_the_trees_own(device: &Candidate<'_>) -> Result<(), String> {
             if query == Query::Closest {
                 same_hits(&format!("{}, not counted", fixture.name), &plain.hits, &hits)?;
             } else {
-                // Where nothing is counted another layout may be traced, which may meet another of the candidates first.
+                // Where nothing is counted another layout may be traced, which may meet another of the candidates
+                // first.
                 candidates(fixture, &plain.hits, &hits)?;
             }
         }
@@ -61,9 +62,9 @@ fn candidates(fixture: &fixtures::Fixture, found: &[Hit], expected: &[Hit]) -> R
     Ok(())
 }
 
-fn full_walks_agree_with_launches(device: &Candidate<'_>) -> Result<(), String> {
+fn full_walks_agree_with_launches(device: &dyn Device) -> Result<(), String> {
     for fixture in [fixtures::plain()?, fixtures::named("needles")?] {
-        for precision in [Precision::Robust, Precision::Double] {
+        for precision in had(device, [Precision::Robust, Precision::Double]) {
             let mut session = Session::open(device, &fixture.scene)?;
             session.load(&fixture.rays, StreamSpec::new(Query::Closest, precision, true))?;
             let launch = session.trace(&session.all(), None)?;
@@ -85,7 +86,7 @@ fn full_walks_agree_with_launches(device: &Candidate<'_>) -> Result<(), String> 
     Ok(())
 }
 
-fn reduced_walks_count_as_the_tree_does(device: &Candidate<'_>) -> Result<(), String> {
+fn reduced_walks_count_as_the_tree_does(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
         let mut session = Session::open(device, &fixture.scene)?;
         let spec = StreamSpec::default();

@@ -1,11 +1,11 @@
 //! Cases about which hit a ray has.
 
 use crate::Case;
-use crate::candidate::{Candidate, Capability};
 use crate::fixtures::{self, Fixture};
+use crate::need::{Need, had};
 use crate::session::{Session, ensure, same_hits};
 use glam::Vec3;
-use rt_core::{Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
+use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle, intersect};
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::Reference;
 use rt_verify::{brute, shapes};
@@ -13,12 +13,12 @@ use rt_verify::{brute, shapes};
 pub(crate) const CASES: &[Case] = &[
     Case { name: "equals_brute_force", needs: &[], run: equals_brute_force },
     Case { name: "any_hit_equals_brute_force", needs: &[], run: any_hit_equals_brute_force },
-    Case { name: "fast_is_nearly_right", needs: &[], run: fast_is_nearly_right },
-    Case { name: "reports_the_defined_bits", needs: &[Capability::DefinedBits], run: reports_the_defined_bits },
+    Case { name: "fast_is_nearly_right", needs: &[Need::Precision(Precision::Fast)], run: fast_is_nearly_right },
+    Case { name: "reports_the_defined_bits", needs: &[Need::DefinedBits], run: reports_the_defined_bits },
     Case { name: "lowest_id_wins_ties", needs: &[], run: lowest_id_wins_ties },
     Case { name: "closed_sphere_does_not_leak", needs: &[], run: closed_sphere_does_not_leak },
     Case { name: "origin_primitive_is_left_out", needs: &[], run: origin_primitive_is_left_out },
-    Case { name: "limits_are_inclusive", needs: &[Capability::DefinedBits], run: limits_are_inclusive },
+    Case { name: "limits_are_inclusive", needs: &[Need::DefinedBits], run: limits_are_inclusive },
 ];
 
 /// The precisions that promise right hits.
@@ -35,9 +35,9 @@ fn spec(query: Query, precision: Precision) -> StreamSpec {
     StreamSpec::new(query, precision, false)
 }
 
-fn equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {
+fn equals_brute_force(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
-        for precision in RIGHT {
+        for precision in had(device, RIGHT) {
             let spec = spec(Query::Closest, precision);
             let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec)?;
             check_closest(fixture, precision, &launch.hits)?;
@@ -60,10 +60,10 @@ fn check_closest(fixture: &Fixture, precision: Precision, hits: &[Hit]) -> Resul
     Ok(())
 }
 
-fn any_hit_equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {
+fn any_hit_equals_brute_force(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
         let reference = Reference::new(&fixture.triangles);
-        for precision in RIGHT {
+        for precision in had(device, RIGHT) {
             let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec(Query::Any, precision))?;
             for (i, (hit, (ray, origin))) in launch.hits.iter().zip(&fixture.rays).enumerate() {
                 ensure!(
@@ -77,7 +77,7 @@ fn any_hit_equals_brute_force(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn fast_is_nearly_right(device: &Candidate<'_>) -> Result<(), String> {
+fn fast_is_nearly_right(device: &dyn Device) -> Result<(), String> {
     for fixture in [fixtures::named("terrain")?, fixtures::named("soup")?, fixtures::named("sphere")?] {
         let spec = spec(Query::Closest, Precision::Fast);
         let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec)?;
@@ -97,10 +97,10 @@ fn fast_is_nearly_right(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn reports_the_defined_bits(device: &Candidate<'_>) -> Result<(), String> {
+fn reports_the_defined_bits(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
         for query in [Query::Closest, Query::Any] {
-            for precision in RIGHT {
+            for precision in had(device, RIGHT) {
                 let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec(query, precision))?;
                 let defined = |(hit, (ray, _)): (&Hit, &(Ray, u32))| {
                     let triangle = fixture.triangles.get(hit.primitive as usize);
@@ -115,7 +115,7 @@ fn reports_the_defined_bits(device: &Candidate<'_>) -> Result<(), String> {
 }
 
 /// Dyadic coordinates and rays along an axis: all arithmetic is exact, so every device sees the same ties.
-fn lowest_id_wins_ties(device: &Candidate<'_>) -> Result<(), String> {
+fn lowest_id_wins_ties(device: &dyn Device) -> Result<(), String> {
     let once = shapes::grid(4, 0.0, 0);
     let turned = once.iter().map(|t| Triangle::new(t.b, t.c, t.a));
     let triangles: Vec<_> = once.iter().rev().copied().chain(turned).chain(once.iter().copied()).collect();
@@ -124,7 +124,7 @@ fn lowest_id_wins_ties(device: &Candidate<'_>) -> Result<(), String> {
         (Ray::new(at, Vec3::NEG_Y), u32::MAX)
     };
     let fixture = Fixture::new("ties", triangles, (0..17 * 17).map(down).collect())?;
-    for precision in RIGHT {
+    for precision in had(device, RIGHT) {
         let launch = Session::whole(device, &fixture.scene, &fixture.rays, spec(Query::Closest, precision))?;
         ensure!(launch.hits.iter().all(Hit::is_hit), "a ray fell through a closed plane");
         same_hits(&format!("{precision:?}"), &launch.hits, &fixture.hits)?;
@@ -132,7 +132,7 @@ fn lowest_id_wins_ties(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn closed_sphere_does_not_leak(device: &Candidate<'_>) -> Result<(), String> {
+fn closed_sphere_does_not_leak(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
     let mut rays = Vec::new();
     for t in &fixture.triangles {
@@ -143,7 +143,7 @@ fn closed_sphere_does_not_leak(device: &Candidate<'_>) -> Result<(), String> {
         rays.extend([axis, -axis].map(|d| (Ray::new(Vec3::ZERO, d), u32::MAX)));
         rays.extend([axis, -axis].map(|d| (Ray::new(Vec3::splat(-0.0), d + Vec3::splat(-0.0)), u32::MAX)));
     }
-    for precision in RIGHT {
+    for precision in had(device, RIGHT) {
         for query in [Query::Closest, Query::Any] {
             let launch = Session::whole(device, &fixture.scene, &rays, spec(query, precision))?;
             let leaks = launch.hits.iter().filter(|hit| !hit.is_hit()).count();
@@ -153,7 +153,7 @@ fn closed_sphere_does_not_leak(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn origin_primitive_is_left_out(device: &Candidate<'_>) -> Result<(), String> {
+fn origin_primitive_is_left_out(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
     let leaving = |(i, t): (usize, &Triangle)| {
         let middle = (t.a + t.b + t.c) / 3.0;
@@ -170,7 +170,7 @@ fn origin_primitive_is_left_out(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn limits_are_inclusive(device: &Candidate<'_>) -> Result<(), String> {
+fn limits_are_inclusive(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let hitting: Vec<(Ray, Hit)> =
         fixture.rays.iter().zip(&fixture.hits).filter(|(_, hit)| hit.is_hit()).map(|((r, _), h)| (*r, *h)).collect();

@@ -1,16 +1,21 @@
 //! Cases about launches: order, times, wrong calls, and tracers beside each other.
 
 use crate::Case;
-use crate::candidate::{Candidate, Capability};
 use crate::fixtures;
+use crate::need::{Need, counted, had, has};
 use crate::session::{LIMIT, Session, ensure, refused, same_hits};
-use rt_core::{Hit, Launch, RaySource, Span, StreamSpec, Task, TestCounts, Ticket, Walk, tasks_of};
+use rt_core::{
+    Device, Hit, Launch, Precision, Query, RaySource, ReducedWalk, Span, StreamSpec, Task, TestCounts, Ticket, Walk,
+    tasks_of,
+};
 use rt_verify::clock;
+use std::iter;
 use std::sync::mpsc;
 use std::time::Duration;
 
 pub(crate) const CASES: &[Case] = &[
     Case { name: "info_makes_sense", needs: &[], run: info_makes_sense },
+    Case { name: "what_it_says_it_can_do_it_does", needs: &[], run: what_it_says_it_can_do_it_does },
     Case { name: "launches_run_in_order", needs: &[], run: launches_run_in_order },
     Case { name: "launches_can_be_awaited_in_any_order", needs: &[], run: launches_can_be_awaited_in_any_order },
     Case {
@@ -27,15 +32,36 @@ pub(crate) const CASES: &[Case] = &[
     Case { name: "dropping_a_tracer_does_not_hang", needs: &[], run: dropping_a_tracer_does_not_hang },
 ];
 
-fn info_makes_sense(device: &Candidate<'_>) -> Result<(), String> {
+fn info_makes_sense(device: &dyn Device) -> Result<(), String> {
     let info = device.info();
     ensure!(!info.name.is_empty() && !info.backend.is_empty(), "a device without a name: {info:?}");
     ensure!(info.in_flight >= 1 && info.units >= 1, "a device that does nothing: {info:?}");
+    ensure!(info.capabilities.has_precision(Precision::Robust), "a device whose hits need not be right: {info:?}");
+    Ok(())
+}
+
+/// Every walk, precision and count that the device says it has is answered, whatever the answer is worth.
+fn what_it_says_it_can_do_it_does(device: &dyn Device) -> Result<(), String> {
+    let fixture = fixtures::plain()?;
+    let capabilities = device.info().capabilities;
+    let walks = iter::once(Walk::Full).chain(ReducedWalk::ALL.into_iter().map(Walk::Reduced));
+    let mut session = Session::open(device, &fixture.scene)?;
+    for precision in had(device, Precision::ALL) {
+        let counting = [false, true].into_iter().filter(|counts| !counts || has(device, Need::Counts));
+        for (counts, query) in counting.flat_map(|counts| [(counts, Query::Closest), (counts, Query::Any)]) {
+            let spec = StreamSpec::new(query, precision, counts);
+            session.load(&fixture.rays, spec)?;
+            session.trace(&session.all(), None).map_err(|e| format!("{spec:?}: {e}"))?;
+        }
+        for walk in walks.clone().filter(|walk| capabilities.has_walk(*walk)) {
+            session.walk(&[0, 7, 3], walk).map_err(|e| format!("{walk:?}: {e}"))?;
+        }
+    }
     Ok(())
 }
 
 /// One task for each launch that may be in flight, and everything traced at once for comparison.
-fn start(device: &Candidate<'_>) -> Result<(Session, Vec<Task>, Launch), String> {
+fn start(device: &dyn Device) -> Result<(Session, Vec<Task>, Launch), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     session.load(&fixture.rays, StreamSpec::default())?;
@@ -49,7 +75,7 @@ fn part(whole: &Launch, task: Task) -> &[Hit] {
     &whole.hits[task.first as usize..][..task.rays as usize]
 }
 
-fn launches_run_in_order(device: &Candidate<'_>) -> Result<(), String> {
+fn launches_run_in_order(device: &dyn Device) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     for _ in 0..20 {
         let before = clock();
@@ -83,7 +109,7 @@ fn launches_run_in_order(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn launches_can_be_awaited_in_any_order(device: &Candidate<'_>) -> Result<(), String> {
+fn launches_can_be_awaited_in_any_order(device: &dyn Device) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     let tickets = tasks.iter().map(|task| session.submit(&[*task], None)).collect::<Result<Vec<Ticket>, String>>()?;
     for (ticket, task) in tickets.into_iter().zip(&tasks).rev() {
@@ -93,7 +119,7 @@ fn launches_can_be_awaited_in_any_order(device: &Candidate<'_>) -> Result<(), St
     Ok(())
 }
 
-fn wrong_calls_are_refused_and_change_nothing(device: &Candidate<'_>) -> Result<(), String> {
+fn wrong_calls_are_refused_and_change_nothing(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     refused("a task before any rays", session.tracer().submit(&[Task { first: 0, rays: 1 }], None))?;
@@ -106,7 +132,7 @@ fn wrong_calls_are_refused_and_change_nothing(device: &Candidate<'_>) -> Result<
         let bad = Task { first, rays: count };
         refused(&format!("{bad:?} of {rays} rays"), session.tracer().submit(&[good, bad], None))?;
     }
-    if device.claims(Capability::FullWalks) {
+    if has(device, Need::Counts) {
         wrong_walks_are_refused(&mut session, rays)?;
     }
     let ticket = Ticket(u64::MAX - 5);
@@ -131,7 +157,7 @@ fn wrong_walks_are_refused(session: &mut Session, rays: u32) -> Result<(), Strin
     refused("2 rays, 3 hits", walked)
 }
 
-fn calls_against_launches_in_flight_are_refused(device: &Candidate<'_>) -> Result<(), String> {
+fn calls_against_launches_in_flight_are_refused(device: &dyn Device) -> Result<(), String> {
     let (mut session, tasks, whole) = start(device)?;
     let task = tasks[0];
     let tickets: Vec<Ticket> =
@@ -146,9 +172,9 @@ fn calls_against_launches_in_flight_are_refused(device: &Candidate<'_>) -> Resul
     refused("a ticket twice", session.tracer().wait(tickets[0], LIMIT, &mut Launch::default()))
 }
 
-fn two_tracers_do_not_disturb_each_other(device: &Candidate<'_>) -> Result<(), String> {
+fn two_tracers_do_not_disturb_each_other(device: &dyn Device) -> Result<(), String> {
     let [one, two] = [fixtures::plain()?, fixtures::named("sphere")?];
-    let spec = device.spec();
+    let spec = counted(device);
     let alone =
         [Session::whole(device, &one.scene, &one.rays, spec)?, Session::whole(device, &two.scene, &two.rays, spec)?];
     let run = |fixture: &'static fixtures::Fixture, expected: &Launch| -> Result<(), String> {
@@ -168,7 +194,7 @@ fn two_tracers_do_not_disturb_each_other(device: &Candidate<'_>) -> Result<(), S
     })
 }
 
-fn dropping_a_tracer_does_not_hang(device: &Candidate<'_>) -> Result<(), String> {
+fn dropping_a_tracer_does_not_hang(device: &dyn Device) -> Result<(), String> {
     for _ in 0..5 {
         let (mut session, tasks, _) = start(device)?;
         for task in &tasks {

@@ -3,42 +3,40 @@
 //! A backend, inside this workspace or not, makes a test without harness (`harness = false`) of it:
 //!
 //! ```no_run
-//! use rt_conformance::{Capability, Subject, run};
+//! use rt_conformance::{Subject, run};
 //! # use rt_core::Device;
 //! # use std::{process::ExitCode, sync::Arc};
 //! # fn open() -> Result<Arc<dyn Device>, String> { Err("no device".to_owned()) }
 //!
 //! fn main() -> ExitCode {
-//!     // Its own tree, so that its counts are nobody else's.
-//!     let claims = [Capability::DefinedBits, Capability::Counts, Capability::FullWalks];
-//!     run(vec![Subject::new("mine", "first card", open()).claiming(&claims)])
+//!     run(vec![Subject::new("mine", "first card", open())])
 //! }
 //! ```
 //!
-//! A case names the capabilities that it needs; where a device does not claim them it is reported as ignored, with the
-//! reason. So is every case of a device that is missing, unless the environment variable `RT_REQUIRE` (a list of backends,
+//! A case names what it needs ([`Need`]); where the device's own [`Capabilities`](rt_core::Capabilities) lack that, the
+//! case is reported as ignored, with the reason: counts are compared only where they are said to be the scene tree's.
+//! So is every case of a device that is missing, unless the environment variable `RT_REQUIRE` (a list of backends,
 //! separated by commas) names its backend: then they fail.
 //!
 //! # Current state and limits
 //!
-//! * What a device claims is told to the suite by its tests, not by the device.
+//! * A walk or precision that a device does not say it has is not tried: nobody asks for it.
 //! * The exact reference tests every ray with every triangle: about 10⁸ tests a second on one core.
 #![forbid(unsafe_code)]
 
-mod candidate;
 mod counts;
 mod fixtures;
 mod hits;
 mod launches;
+mod need;
 mod numbers;
 mod session;
 mod streams;
 
-pub use candidate::Capability;
+pub use need::Need;
 
-use candidate::Candidate;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
-use rt_core::Device;
+use rt_core::{Capabilities, Device};
 use std::fmt;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -48,23 +46,24 @@ use std::sync::Arc;
 pub struct Case {
     /// What is demanded, as a test's name.
     pub name: &'static str,
-    /// What a device must claim for the demand to be made.
-    pub needs: &'static [Capability],
-    run: fn(&Candidate<'_>) -> Result<(), String>,
+    /// What a device must say of itself for the demand to be made.
+    pub needs: &'static [Need],
+    run: fn(&dyn Device) -> Result<(), String>,
 }
 
 impl Case {
-    /// Tries it on a device that claims `claims`, among them what the case needs.
+    /// Tries it on a device, whatever that says of itself.
     ///
     /// # Errors
     /// What the device did instead.
-    pub fn run(&self, device: &dyn Device, claims: &[Capability]) -> Result<(), String> {
-        (self.run)(&Candidate { device, claims })
+    pub fn run(&self, device: &dyn Device) -> Result<(), String> {
+        (self.run)(device)
     }
 
-    /// What it needs and `claims` lacks.
-    fn lacking(&self, claims: &[Capability]) -> Vec<Capability> {
-        self.needs.iter().copied().filter(|needed| !claims.contains(needed)).collect()
+    /// What it needs and a device of these capabilities lacks.
+    #[must_use]
+    pub fn lacks(&self, capabilities: &Capabilities) -> Vec<Need> {
+        self.needs.iter().copied().filter(|need| !need.is_met_by(capabilities)).collect()
     }
 }
 
@@ -80,21 +79,13 @@ pub struct Subject {
     backend: String,
     label: String,
     device: Result<Arc<dyn Device>, String>,
-    claims: Vec<Capability>,
 }
 
 impl Subject {
-    /// A device of `backend`, told from its others by `label`, that claims every capability; or the reason why it is missing.
+    /// A device of `backend`, told from its others by `label`; or the reason why it is missing.
     #[must_use]
     pub fn new(backend: &str, label: &str, device: Result<Arc<dyn Device>, String>) -> Self {
-        Self { backend: backend.to_owned(), label: label.to_owned(), device, claims: Capability::ALL.to_vec() }
-    }
-
-    /// The same device, that claims these alone.
-    #[must_use]
-    pub fn claiming(mut self, claims: &[Capability]) -> Self {
-        self.claims = claims.to_vec();
-        self
+        Self { backend: backend.to_owned(), label: label.to_owned(), device }
     }
 }
 
@@ -128,10 +119,14 @@ pub fn run(subjects: Vec<Subject>) -> ExitCode {
 
 /// Runs a case, or says why it was not run: a failure where the device `must` be there.
 fn conclude(case: Case, subject: &Subject, must: bool) -> Result<Completion, Failed> {
-    let lacking = case.lacking(&subject.claims);
     match &subject.device {
-        Ok(_) if !lacking.is_empty() => Ok(Completion::ignored_with(format!("the device does not claim {lacking:?}"))),
-        Ok(device) => Ok(case.run(&**device, &subject.claims).map(|()| Completion::Completed)?),
+        Ok(device) => match &case.lacks(&device.info().capabilities)[..] {
+            [] => Ok(case.run(&**device).map(|()| Completion::Completed)?),
+            lacking => {
+                let names: Vec<String> = lacking.iter().map(Need::to_string).collect();
+                Ok(Completion::ignored_with(format!("the device does not say it has {}", names.join(", "))))
+            }
+        },
         Err(reason) if must => Err(format!("required by RT_REQUIRE, but missing: {reason}").into()),
         Err(reason) => Ok(Completion::ignored_with(reason)),
     }
@@ -151,6 +146,7 @@ fn is_listed(name: &str, list: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rt_core::{Counted, Precision};
 
     #[test]
     fn a_missing_device_is_ignored_with_its_reason_unless_required() {
@@ -169,10 +165,17 @@ mod tests {
         assert!(names.windows(2).all(|pair| pair[0] != pair[1]));
     }
 
-    /// Mutant: `Capability::ALL` that lacks one, so that a device that claims all is spared a case.
+    /// Mutants: a need that nobody meets, so that its cases never run; one that everybody meets.
     #[test]
-    fn whoever_claims_everything_is_spared_nothing() {
-        assert!(cases().iter().all(|case| case.lacking(&Capability::ALL).is_empty()));
-        assert!(cases().iter().any(|case| !case.lacking(&[]).is_empty()));
+    fn a_device_that_says_everything_is_spared_nothing() {
+        let everything = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
+        let nothing = Capabilities::UNKNOWN
+            .with_counts(Counted::Nothing)
+            .with_precisions(&[Precision::Robust])
+            .with_reduced_walks(&[]);
+        for need in cases().iter().flat_map(|case| case.needs) {
+            assert!(need.is_met_by(&everything) && !need.is_met_by(&nothing), "{need}");
+        }
+        assert!(cases().iter().any(|case| !case.needs.is_empty()));
     }
 }

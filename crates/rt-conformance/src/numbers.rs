@@ -1,11 +1,11 @@
 //! Cases about the extremes of the number range.
 
 use crate::Case;
-use crate::candidate::Candidate;
 use crate::fixtures::{self, Fixture};
+use crate::need::had;
 use crate::session::{Session, ensure, same_hits};
 use glam::Vec3;
-use rt_core::{Hit, Precision, Query, Ray, StreamSpec, Triangle};
+use rt_core::{Device, Hit, Precision, Query, Ray, StreamSpec, Triangle};
 use rt_verify::rays::RayMaker;
 use rt_verify::shapes;
 
@@ -22,7 +22,7 @@ pub(crate) const CASES: &[Case] = &[
     Case { name: "triangles_without_area_are_never_hit", needs: &[], run: triangles_without_area_are_never_hit },
 ];
 
-fn invalid_rays_miss(device: &Candidate<'_>) -> Result<(), String> {
+fn invalid_rays_miss(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::named("sphere")?;
     let good = Ray::new(Vec3::new(0.1, 0.2, 0.3), Vec3::new(1.0, 2.0, -3.0));
     let mut rays = vec![
@@ -44,7 +44,7 @@ fn invalid_rays_miss(device: &Candidate<'_>) -> Result<(), String> {
     }
     // A valid ray among them must not suffer.
     let rays: Vec<_> = rays.into_iter().flat_map(|ray| [(ray, u32::MAX), (good, u32::MAX)]).collect();
-    for precision in [Precision::Robust, Precision::Double, Precision::Fast] {
+    for precision in had(device, Precision::ALL) {
         for query in [Query::Closest, Query::Any] {
             let spec = StreamSpec::new(query, precision, false);
             let launch = Session::whole(device, &fixture.scene, &rays, spec)?;
@@ -57,7 +57,7 @@ fn invalid_rays_miss(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn scaling_by_powers_of_two_changes_nothing(device: &Candidate<'_>) -> Result<(), String> {
+fn scaling_by_powers_of_two_changes_nothing(device: &dyn Device) -> Result<(), String> {
     let base = fixtures::named("sphere")?;
     // Halves of the rays' and triangles' bits must survive 2^±100: coordinates below 2⁻²⁶ would become subnormal.
     let coarse = |p: Vec3| (p * 1024.0).round() / 1024.0;
@@ -79,12 +79,12 @@ fn scaling_by_powers_of_two_changes_nothing(device: &Candidate<'_>) -> Result<()
     Ok(())
 }
 
-fn directions_have_any_length(device: &Candidate<'_>) -> Result<(), String> {
+fn directions_have_any_length(device: &dyn Device) -> Result<(), String> {
     let base = fixtures::named("soup")?;
     for factor in [1e-30_f32, 1e-7, 1e5, 1e30] {
         let stretch = |&(ray, origin): &(Ray, u32)| (Ray::new(ray.origin, ray.direction * factor), origin);
         let fixture = Fixture::new("soup", base.triangles.clone(), base.rays.iter().map(stretch).collect())?;
-        for precision in [Precision::Robust, Precision::Double] {
+        for precision in had(device, [Precision::Robust, Precision::Double]) {
             let spec = StreamSpec { precision, ..StreamSpec::default() };
             let hits = Session::whole(device, &fixture.scene, &fixture.rays, spec)?.hits;
             for ((hit, verdict), (ray, _)) in hits.iter().zip(&fixture.verdicts).zip(&fixture.rays) {
@@ -95,7 +95,7 @@ fn directions_have_any_length(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn signs_of_zero_do_not_matter(device: &Candidate<'_>) -> Result<(), String> {
+fn signs_of_zero_do_not_matter(device: &dyn Device) -> Result<(), String> {
     // Cut so that the rays run along edges of boxes and triangles.
     let triangles = shapes::moved(&shapes::grid(8, 0.0, 0), Vec3::new(-0.5, 0.0, -0.5));
     let ray = |i: u32, zero: f32| {
@@ -117,7 +117,7 @@ fn signs_of_zero_do_not_matter(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn offsets_of_a_million_are_right(device: &Candidate<'_>) -> Result<(), String> {
+fn offsets_of_a_million_are_right(device: &dyn Device) -> Result<(), String> {
     for offset in [Vec3::new(1e6, 0.0, 0.0), Vec3::new(-1e6, 1e6, 1e6)] {
         let triangles = shapes::moved(&shapes::grid(10, 0.5, 3), offset);
         let mut rays = RayMaker::new(&triangles, 4).mixed(300);
@@ -133,7 +133,7 @@ fn offsets_of_a_million_are_right(device: &Candidate<'_>) -> Result<(), String> 
     Ok(())
 }
 
-fn triangles_without_area_are_never_hit(device: &Candidate<'_>) -> Result<(), String> {
+fn triangles_without_area_are_never_hit(device: &dyn Device) -> Result<(), String> {
     let [p, q] = [Vec3::new(0.25, 0.5, 0.75), Vec3::new(2.25, 1.5, 1.75)];
     let flat = [Triangle::new(p, p, p), Triangle::new(p, q, q), Triangle::new(p, q, (p + q) * 0.5)];
     let triangles: Vec<_> = flat.into_iter().chain(shapes::soup(5, 0.1, 8)).collect();
@@ -141,7 +141,7 @@ fn triangles_without_area_are_never_hit(device: &Candidate<'_>) -> Result<(), St
     let from = |i: u32| Vec3::new((i % 5) as f32, (i % 7) as f32 - 3.0, -5.0 + (i % 11) as f32);
     let rays = (0..200).map(|i| (Ray::new(from(i), aims[i as usize % 4] - from(i)), u32::MAX)).collect();
     let fixture = Fixture::new("no area", triangles, rays)?;
-    for precision in [Precision::Robust, Precision::Double, Precision::Fast] {
+    for precision in had(device, Precision::ALL) {
         let spec = StreamSpec { precision, ..StreamSpec::default() };
         let hits = Session::whole(device, &fixture.scene, &fixture.rays, spec)?.hits;
         ensure!(hits.iter().all(|h| !h.is_hit() || h.primitive >= 3), "{precision:?}: hit a triangle without area");

@@ -1,9 +1,8 @@
 //! A tracer under test, its errors as messages, and checks that hold for every launch.
 
-use crate::candidate::Candidate;
 use rt_core::{
-    DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer,
-    Walk, tasks_of,
+    Device, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket,
+    Tracer, Walk, tasks_of,
 };
 use rt_verify::clock;
 use std::sync::Arc;
@@ -32,14 +31,14 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    pub(crate) fn open(device: &Candidate<'_>, scene: &Arc<Scene>) -> Result<Self, String> {
-        let tracer = device.device.tracer(Arc::clone(scene), clock).map_err(|e| format!("tracer: {e}"))?;
+    pub(crate) fn open(device: &dyn Device, scene: &Arc<Scene>) -> Result<Self, String> {
+        let tracer = device.tracer(Arc::clone(scene), clock).map_err(|e| format!("tracer: {e}"))?;
         Ok(Self { tracer, rays: 0, spec: StreamSpec::default() })
     }
 
     /// Opens a tracer, loads rays and traces them all as one task.
     pub(crate) fn whole(
-        device: &Candidate<'_>,
+        device: &dyn Device,
         scene: &Arc<Scene>,
         rays: &[(Ray, u32)],
         spec: StreamSpec,

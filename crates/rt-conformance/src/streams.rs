@@ -1,13 +1,13 @@
 //! Cases about streams, tasks and masks: results do not depend on how a stream is cut.
 
 use crate::Case;
-use crate::candidate::{Candidate, Capability};
 use crate::fixtures;
+use crate::need::{Need, counted, had, has};
 use crate::session::{Session, ensure, same_hits};
 use glam::Vec3;
 use rt_core::bounce::{Aim, Departure, Scatter, Surfaces, basis};
 use rt_core::{
-    BounceRays, Camera, CameraRays, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene,
+    BounceRays, Camera, CameraRays, Device, Hit, Node, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene,
     SceneParts, StreamSpec, Task, TestCounts, Walk, morton, random, tasks_of,
 };
 use std::sync::Arc;
@@ -23,10 +23,10 @@ pub(crate) const CASES: &[Case] = &[
     Case { name: "nothing_is_an_answer_to_nothing", needs: &[], run: nothing_is_an_answer_to_nothing },
 ];
 
-fn any_split_gives_the_same_bits(device: &Candidate<'_>) -> Result<(), String> {
+fn any_split_gives_the_same_bits(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, device.spec())?;
+    session.load(&fixture.rays, counted(device))?;
     let rays = fixture.rays.len() as u32;
     let whole = session.trace(&session.all(), None)?;
     for (seed, task_size) in [(0, 1), (1, 7), (2, 64), (3, 100), (4, rays)] {
@@ -50,10 +50,10 @@ fn any_split_gives_the_same_bits(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn only_asked_tasks_come_back(device: &Candidate<'_>) -> Result<(), String> {
+fn only_asked_tasks_come_back(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, device.spec())?;
+    session.load(&fixture.rays, counted(device))?;
     let whole = session.trace(&session.all(), None)?;
     let slice = |task: &Task| whole.hits[task.first as usize..][..task.rays as usize].to_vec();
     // Out of order, with a gap, an empty one, and one named twice.
@@ -66,11 +66,11 @@ fn only_asked_tasks_come_back(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-/// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a kernel
-/// that only gets ready writes where results go, or the loaded rays are lost.
-fn getting_ready_changes_nothing(device: &Candidate<'_>) -> Result<(), String> {
+/// Before rays are loaded and after, for this stream and others, for walks that the device has or not. Fails when a
+/// kernel that only gets ready writes where results go, or the loaded rays are lost.
+fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
-    let whole = Session::whole(device, &fixture.scene, &fixture.rays, device.spec())?;
+    let whole = Session::whole(device, &fixture.scene, &fixture.rays, counted(device))?;
     let walks = [
         None,
         Some(Walk::Full),
@@ -81,11 +81,11 @@ fn getting_ready_changes_nothing(device: &Candidate<'_>) -> Result<(), String> {
     let mut session = Session::open(device, &fixture.scene)?;
     let prepare = |session: &mut Session| {
         for (walk, query) in walks.into_iter().flat_map(|walk| [(walk, Query::Closest), (walk, Query::Any)]) {
-            session.tracer().prepare(&other, StreamSpec { query, ..device.spec() }, walk);
+            session.tracer().prepare(&other, StreamSpec { query, ..counted(device) }, walk);
         }
     };
     prepare(&mut session);
-    session.load(&fixture.rays, device.spec())?;
+    session.load(&fixture.rays, counted(device))?;
     prepare(&mut session);
     let found = session.trace(&session.all(), None)?;
     same_hits("after getting ready", &found.hits, &whole.hits)?;
@@ -93,10 +93,10 @@ fn getting_ready_changes_nothing(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn masked_rays_are_left_out(device: &Candidate<'_>) -> Result<(), String> {
+fn masked_rays_are_left_out(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
-    session.load(&fixture.rays, device.spec())?;
+    session.load(&fixture.rays, counted(device))?;
     let rays = fixture.rays.len() as u32;
     let whole = session.trace(&session.all(), None)?;
     let tasks = [Task { first: 100, rays: 90 }, Task { first: 3, rays: 65 }];
@@ -118,17 +118,17 @@ fn masked_rays_are_left_out(device: &Candidate<'_>) -> Result<(), String> {
     same_hits("short mask", &launch.hits, &whole.hits)
 }
 
-fn rays_can_be_replaced(device: &Candidate<'_>) -> Result<(), String> {
+fn rays_can_be_replaced(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let mut session = Session::open(device, &fixture.scene)?;
     let [few, many] = [&fixture.rays[..50], &fixture.rays[20..]];
     for (rays, spec) in [
-        (few, device.spec()),
-        (many, device.spec()),
-        (few, StreamSpec { counts: false, ..device.spec() }),
-        (many, StreamSpec { query: Query::Any, ..device.spec() }),
-        (&[][..], device.spec()),
-        (few, device.spec()),
+        (few, counted(device)),
+        (many, counted(device)),
+        (few, StreamSpec { counts: false, ..counted(device) }),
+        (many, StreamSpec { query: Query::Any, ..counted(device) }),
+        (&[][..], counted(device)),
+        (few, counted(device)),
     ] {
         session.load(rays, spec)?;
         let again = session.trace(&session.all(), None)?;
@@ -139,7 +139,7 @@ fn rays_can_be_replaced(device: &Candidate<'_>) -> Result<(), String> {
     Ok(())
 }
 
-fn camera_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String> {
+fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
     let fixture = fixtures::plain()?;
     let camera = Camera::look_at(Vec3::new(0.3, 1.1, 1.7), Vec3::new(0.5, 0.1, 0.4), Vec3::Y, 55.0);
     let camera = camera.map_err(|e| e.to_string())?;
@@ -147,10 +147,10 @@ fn camera_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String>
         let pixels: Arc<[u32]> = morton::pixel_order(24, 16)[part].into();
         let made = Arc::new(CameraRays { camera, size: [24, 16], pixels, samples, seed: 5 });
         let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| (made.ray(i), u32::MAX)).collect();
-        let explicit = Session::whole(device, &fixture.scene, &rays, device.spec())?;
+        let explicit = Session::whole(device, &fixture.scene, &rays, counted(device))?;
         ensure!(explicit.hits.iter().any(Hit::is_hit), "the camera looks past the scene");
         let mut session = Session::open(device, &fixture.scene)?;
-        session.load_source(RaySource::Camera(made), device.spec())?;
+        session.load_source(RaySource::Camera(made), counted(device))?;
         for task_size in [u32::MAX, 100] {
             let launch = session.trace(&tasks_of(rays.len() as u32, task_size), None)?;
             same_hits(&format!("{samples} samples"), &launch.hits, &explicit.hits)?;
@@ -160,7 +160,7 @@ fn camera_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String>
     Ok(())
 }
 
-fn bounce_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String> {
+fn bounce_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
     let mut hit = false;
     for name in ["terrain", "soup", "sphere", "plane", "needles", "mixed scales", "far away", "tiny", "huge"] {
         let fixture = fixtures::named(name)?;
@@ -178,10 +178,10 @@ fn bounce_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String>
             let scatter = Scatter { aim, seed: 4, samples: 3, first_group: 50, bounce: 1 };
             let made = BounceRays { surfaces: Arc::clone(&surfaces), departures: Arc::clone(&departures), scatter };
             let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| made.ray(i)).collect();
-            let explicit = Session::whole(device, &fixture.scene, &rays, device.spec())?;
+            let explicit = Session::whole(device, &fixture.scene, &rays, counted(device))?;
             hit |= explicit.hits.iter().any(Hit::is_hit);
             let mut session = Session::open(device, &fixture.scene)?;
-            session.load_source(RaySource::Bounce(Arc::new(made)), device.spec())?;
+            session.load_source(RaySource::Bounce(Arc::new(made)), counted(device))?;
             let launch = session.trace(&tasks_of(rays.len() as u32, 90), None)?;
             same_hits(name, &launch.hits, &explicit.hits)?;
             ensure!(launch.counts == explicit.counts, "{name}: other counts than for explicit rays");
@@ -191,13 +191,13 @@ fn bounce_rays_equal_explicit_rays(device: &Candidate<'_>) -> Result<(), String>
     Ok(())
 }
 
-fn nothing_is_an_answer_to_nothing(device: &Candidate<'_>) -> Result<(), String> {
+fn nothing_is_an_answer_to_nothing(device: &dyn Device) -> Result<(), String> {
     let parts = SceneParts { nodes: vec![Node::EMPTY], ..SceneParts::default() };
     let empty = Arc::new(Scene::new(parts).map_err(|e| e.to_string())?);
     let fixture = fixtures::plain()?;
     for query in [Query::Closest, Query::Any] {
-        for precision in [Precision::Robust, Precision::Fast, Precision::Double] {
-            let spec = StreamSpec { query, precision, ..device.spec() };
+        for precision in had(device, Precision::ALL) {
+            let spec = StreamSpec { query, precision, ..counted(device) };
             let launch = Session::whole(device, &empty, &fixture.rays, spec)?;
             ensure!(launch.hits.iter().all(|h| *h == Hit::MISS), "{query:?}, {precision:?}: hits in an empty scene");
         }
@@ -206,13 +206,13 @@ fn nothing_is_an_answer_to_nothing(device: &Candidate<'_>) -> Result<(), String>
         let mut session = Session::open(device, scene)?;
         // Before any rays were loaded, with none, and with some.
         session.trace(&[], None)?;
-        session.load(&[], device.spec())?;
+        session.load(&[], counted(device))?;
         session.trace(&[], None)?;
         session.trace(&[Task { first: 0, rays: 0 }], None)?;
-        if device.claims(Capability::FullWalks) {
+        if has(device, Need::Counts) {
             session.walk(&[], Walk::Full)?;
         }
-        session.load(&fixture.rays, device.spec())?;
+        session.load(&fixture.rays, counted(device))?;
         session.trace(&[], None)?;
         session.trace(&[Task { first: fixture.rays.len() as u32, rays: 0 }], None)?;
     }

@@ -41,7 +41,8 @@ pub fn check_walk(rays: &[u32], counts: &[TestCounts], hits: Option<&[Hit]>, loa
     }
 }
 
-/// Refuses a launch beyond the `capacity` that may be in flight, and tasks of rays that are not among the `loaded` ones.
+/// Refuses a launch beyond the `capacity` that may be in flight, and tasks of rays that are not among the `loaded`
+/// ones.
 ///
 /// # Errors
 /// In those cases.
@@ -61,10 +62,10 @@ pub fn check_submit(tasks: &[Task], loaded: u32, open: usize, capacity: u32) -> 
 
 /// The share of the answers of a launch, beyond a single one, that may be refused before the device is not believed.
 ///
-/// A single answer may differ by a rounding that a driver makes otherwise than it says. Embree in its robust mode, which decides
-/// edges its own way, lets up to 0.31% of rays out of closed meshes that are aimed at vertices
-/// (`docs/results/robustness.md`), and a picture's rays meet few of those. Where launches are mixed up, or kernels do nothing,
-/// about every second answer is wrong.
+/// A single answer may differ by a rounding that a driver makes otherwise than it says. Embree in its robust mode,
+/// which decides edges its own way, lets up to 0.31% of rays out of closed meshes that are aimed at vertices
+/// (`docs/results/robustness.md`), and a picture's rays meet few of those. Where launches are mixed up, or kernels do
+/// nothing, about every second answer is wrong.
 pub const MOST_REFUSED: f64 = 1.0 / 32.0;
 
 /// Whether a device is not believed of which `refused` answers out of `all` that were looked at are wrong.

@@ -153,7 +153,8 @@ impl CameraRays {
     }
 }
 
-/// What turns pixels into image positions without a division: devices need not divide as IEEE 754 says, but multiply so.
+/// What turns pixels into image positions without a division: devices need not divide as IEEE 754 says, but multiply
+/// so.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Raster {
     /// Width and height of a pixel, the image being 1 wide and 1 high.

@@ -36,8 +36,8 @@ impl Work {
         self
     }
 
-    /// The same work with the standard error of its number of tests (boxes + triangles), in tests. Anything but a number
-    /// ≥ 0 says that it is not known.
+    /// The same work with the standard error of its number of tests (boxes + triangles), in tests. Anything but a
+    /// number ≥ 0 says that it is not known.
     #[must_use]
     pub const fn with_std_error(mut self, std_error: f32) -> Self {
         self.std_error = if std_error >= 0.0 { std_error } else { UNKNOWN };
@@ -117,9 +117,9 @@ fn clamped(x: f32) -> f32 {
     if x > 0.0 { x.min(f32::MAX) } else { 0.0 }
 }
 
-/// One device's seconds for work on one tree layout: `per_launch + per_ray · rays + per_box · boxes + per_triangle ·
-/// triangles + per_divergence · divergence`. Every part is finite and ≥ 0, and one ray with one box test costs more than
-/// nothing.
+/// One device's seconds for work on one tree layout:
+/// `per_launch + per_ray · rays + per_box · boxes + per_triangle · triangles + per_divergence · divergence`. Every part
+/// is finite and ≥ 0, and one ray with one box test costs more than nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CostModel {
     per_launch: f64,
@@ -244,21 +244,21 @@ pub struct RayStream<'a> {
     pub tasks: &'a [Task],
     /// Seed of this stream's samples.
     pub seed: u32,
-    /// Which part of a larger stream this is: parts are alike from frame to frame, not among each other.
-    pub part: u32,
-    /// The rays themselves, for estimators that learn where in the scene rays are dear; `None` where the caller has
-    /// only their number.
+    /// Which wave of a larger stream this is: waves are alike from frame to frame, not among each other.
+    pub wave: u32,
+    /// The rays themselves, for estimators that learn where in the scene rays are expensive; `None` where the caller
+    /// has only their number.
     pub source: Option<&'a RaySource>,
     /// Number of devices that will trace the stream: what an exact estimate is worth depends on it.
     pub devices: u32,
     /// What the makespan is expected to lose when nothing is estimated, as a share of it; 1 where devices may differ.
     /// An estimate that costs more does not pay.
-    pub blind_excess: f64,
+    pub uninformed_excess: f64,
 }
 
 impl RayStream<'_> {
-    /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well: as the caller says, or
-    /// as the kind does.
+    /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well: as the caller
+    /// says, or as the kind does.
     #[must_use]
     pub const fn is_coherent(&self) -> bool {
         match self.coherence {
@@ -358,7 +358,8 @@ impl StreamRecord<'_> {
         (price.is_finite() && price > 0.0).then_some(price)
     }
 
-    /// What the host did for a walked ray, over all devices, in seconds of a traced ray; `None` unless both were measured.
+    /// What the host did for a walked ray, over all devices, in seconds of a traced ray; `None` unless both were
+    /// measured.
     #[must_use]
     pub fn host_price(&self) -> Option<f64> {
         let price = (self.host_s / self.walked_rays as f64) / self.ray_s()?;
@@ -368,8 +369,8 @@ impl StreamRecord<'_> {
 
 /// What tells the counts of one estimator from another's: prices fitted to some mean nothing for others.
 ///
-/// Estimators of one type that count otherwise, such as by another walk, tell themselves apart by `variant`. Names are for
-/// people: two estimators may have the same.
+/// Estimators of one type that count otherwise, such as by another walk, tell themselves apart by `variant`. Names are
+/// for people: two estimators may have the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct CountsToken {
     kind: TypeId,
@@ -398,8 +399,8 @@ pub trait CostEstimator: Debug + Send + 'static {
         self.name()
     }
 
-    /// What its counts have in common: streams of one token and kind teach and use the same prices. One for each type, unless
-    /// it says otherwise; who wraps an estimator passes on the wrapped one's.
+    /// What its counts have in common: streams of one token and kind teach and use the same prices. One for each type,
+    /// unless it says otherwise; who wraps an estimator passes on the wrapped one's.
     fn counts(&self) -> CountsToken {
         CountsToken::of::<Self>(0)
     }

@@ -26,14 +26,15 @@ pub trait Device: Send + Sync + Debug {
 
 /// One scene resident on one device.
 ///
-/// Launches run in the order in which they were submitted. [`DeviceErrorKind::InvalidArgument`] leaves the tracer as it was;
-/// so does [`DeviceErrorKind::Unsupported`] where rays are loaded or walked. After any other error the tracer is lost: the
-/// driver drops it and gives its tasks to others. So it does when a call panics, does not return in time, or answers what is
-/// not true. A driver may drop a tracer at any time, with launches in flight, and on another thread than it was made on.
+/// Launches run in the order in which they were submitted. [`DeviceErrorKind::InvalidArgument`] leaves the tracer as it
+/// was; so does [`DeviceErrorKind::Unsupported`] where rays are loaded or walked. After any other error the tracer is
+/// lost: the driver drops it and gives its tasks to others. So it does when a call panics, does not return in time, or
+/// answers what is not true. A driver may drop a tracer at any time, with launches in flight, and on another thread
+/// than it was made on.
 pub trait Tracer: Send + Debug {
-    /// Does beforehand what a stream of this kind will need once, and samples of it by `walk`: compiling kernels, say. So it
-    /// is not timed with the rays; results do not depend on it. What fails is told when it is needed. Launches in flight must
-    /// have been waited for.
+    /// Does beforehand what a stream of this kind will need once, and samples of it by `walk`: compiling kernels, say.
+    /// So it is not timed with the rays; results do not depend on it. What fails is told when it is needed. Launches in
+    /// flight must have been waited for.
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
         let _ = (source, spec, walk);
     }
@@ -41,8 +42,8 @@ pub trait Tracer: Send + Debug {
     /// Replaces the rays. Launches in flight must have been waited for.
     ///
     /// # Errors
-    /// When the rays do not fit, or a launch is in flight; [`DeviceErrorKind::Unsupported`], with the device as it was, when
-    /// it cannot do what `spec` asks.
+    /// When the rays do not fit, or a launch is in flight; [`DeviceErrorKind::Unsupported`], with the device as it was,
+    /// when it cannot do what `spec` asks.
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError>;
 
     /// Walks single rays and counts their tests; blocks until done.

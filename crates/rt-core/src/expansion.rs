@@ -1,11 +1,11 @@
 //! Exact sums and products: numbers as unevaluated sums of double-precision ones.
 //!
-//! After J. R. Shewchuk, *Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates*, Discrete &
-//! Computational Geometry 18-3 (1997). An expansion's terms rise in magnitude, none is zero, and their bits do not
-//! overlap: so the last one has the sign of the whole. Every operation here is exact as long as no number overflows or is
-//! smaller than a normal one; who uses them says why that cannot be. Sums and products are rounded to nearest, to even
-//! where that is a draw, which is what the proofs ask for. A fused multiplication would be faster, but the target may have
-//! none; Rust never fuses on its own.
+//! After J. R. Shewchuk, *Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates*, Discrete
+//! & Computational Geometry 18-3 (1997). An expansion's terms rise in magnitude, none is zero, and their bits do not
+//! overlap: so the last one has the sign of the whole. Every operation here is exact as long as no number overflows or
+//! is smaller than a normal one; who uses them says why that cannot be. Sums and products are rounded to nearest, to
+//! even where that is a draw, which is what the proofs ask for. A fused multiplication would be faster, but the target
+//! may have none; Rust never fuses on its own.
 
 use core::cmp::Ordering;
 
@@ -124,8 +124,9 @@ impl<const N: usize> Expansion<N> {
 
     /// The number, off by less than 2⁻⁴⁹ of itself.
     ///
-    /// Terms do not even touch, but for powers of two in pairs: each is less than half the next one but one. So summing from
-    /// the smallest on, no partial sum is more than a few times the result, and all roundings together are below 16 · 2⁻⁵³.
+    /// Terms do not even touch, but for powers of two in pairs: each is less than half the next one but one. So summing
+    /// from the smallest on, no partial sum is more than a few times the result, and all roundings together are below
+    /// 16 · 2⁻⁵³.
     pub(crate) fn estimate(&self) -> f64 {
         self.terms().iter().sum()
     }

@@ -64,11 +64,12 @@ impl DeviceInfo {
 /// [`Unsupported`](crate::DeviceErrorKind::Unsupported).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Capabilities {
-    /// One bit for each of [`REDUCED`].
+    /// One bit for each of [`ReducedWalk::ALL`].
     reduced: u8,
-    /// One bit for each of [`PRECISIONS`].
+    /// One bit for each of [`Precision::ALL`].
     precisions: u8,
     counts: Counted,
+    defined_bits: bool,
     makes_rays: bool,
 }
 
@@ -79,31 +80,27 @@ pub enum Counted {
     Nothing,
     /// Tests of a tree of its own: they tell what its tasks cost, and cannot be compared with another device's.
     OwnTree,
-    /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts) says: the
-    /// same numbers on every such device.
+    /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts)
+    /// says: the same numbers on every such device.
     SceneTree,
 }
 
-const REDUCED: [ReducedWalk; 4] =
-    [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened, ReducedWalk::LeafPlane, ReducedWalk::Truncated];
-
-const PRECISIONS: [Precision; 3] = [Precision::Robust, Precision::Fast, Precision::Double];
-
 impl Capabilities {
-    /// Everything may be asked, counts are the device's own, and the host makes the rays.
-    pub const UNKNOWN: Self = Self { reduced: 0b1111, precisions: 0b111, counts: Counted::OwnTree, makes_rays: false };
+    /// Everything may be asked, counts and roundings are the device's own, and the host makes the rays.
+    pub const UNKNOWN: Self =
+        Self { reduced: 0b1111, precisions: 0b111, counts: Counted::OwnTree, defined_bits: false, makes_rays: false };
 
     /// The same with these reduced walks and no others.
     #[must_use]
     pub fn with_reduced_walks(mut self, walks: &[ReducedWalk]) -> Self {
-        self.reduced = bits(&REDUCED, |walk| walks.contains(walk));
+        self.reduced = bits(&ReducedWalk::ALL, |walk| walks.contains(walk));
         self
     }
 
     /// The same with these precisions and no others.
     #[must_use]
     pub fn with_precisions(mut self, precisions: &[Precision]) -> Self {
-        self.precisions = bits(&PRECISIONS, |precision| precisions.contains(precision));
+        self.precisions = bits(&Precision::ALL, |precision| precisions.contains(precision));
         self
     }
 
@@ -111,6 +108,13 @@ impl Capabilities {
     #[must_use]
     pub const fn with_counts(mut self, counts: Counted) -> Self {
         self.counts = counts;
+        self
+    }
+
+    /// The same for a device whose careful hits are [defined](Self::has_defined_bits) to the last bit.
+    #[must_use]
+    pub const fn with_defined_bits(mut self) -> Self {
+        self.defined_bits = true;
         self
     }
 
@@ -124,7 +128,7 @@ impl Capabilities {
     /// Whether it has such a walk.
     #[must_use]
     pub fn has_walk(&self, walk: Walk) -> bool {
-        let reduced = |walk| bits(&REDUCED, |known| *known == walk) & self.reduced != 0;
+        let reduced = |walk| bits(&ReducedWalk::ALL, |known| *known == walk) & self.reduced != 0;
         self.counts != Counted::Nothing
             && match walk {
                 Walk::Full => true,
@@ -135,7 +139,7 @@ impl Capabilities {
     /// Whether it traces so carefully.
     #[must_use]
     pub fn has_precision(&self, precision: Precision) -> bool {
-        bits(&PRECISIONS, |known| *known == precision) & self.precisions != 0
+        bits(&Precision::ALL, |known| *known == precision) & self.precisions != 0
     }
 
     /// Whether it can trace such a stream.
@@ -150,8 +154,15 @@ impl Capabilities {
         self.counts
     }
 
-    /// Whether it makes the rays of cameras and bounces itself, where its arithmetic gives the host's bits; otherwise the host
-    /// makes them.
+    /// Whether `t`, `u` and `v` of its hits are the very bits of [`intersect::hit`](crate::intersect::hit), but for
+    /// [`Precision::Fast`]: such devices share a stream without a seam.
+    #[must_use]
+    pub const fn has_defined_bits(&self) -> bool {
+        self.defined_bits
+    }
+
+    /// Whether it makes the rays of cameras and bounces itself, where its arithmetic gives the host's bits; otherwise
+    /// the host makes them.
     #[must_use]
     pub const fn makes_rays(&self) -> bool {
         self.makes_rays
@@ -176,9 +187,9 @@ mod tests {
     /// Mutants: a bit for the wrong walk or precision; walks of a device that counts nothing.
     #[test]
     fn a_device_can_do_what_it_says_and_no_more() {
-        for (place, walk) in REDUCED.into_iter().enumerate() {
+        for (place, walk) in ReducedWalk::ALL.into_iter().enumerate() {
             let one = Capabilities::UNKNOWN.with_reduced_walks(&[walk]);
-            for (other_place, other) in REDUCED.into_iter().enumerate() {
+            for (other_place, other) in ReducedWalk::ALL.into_iter().enumerate() {
                 assert_eq!(one.has_walk(Walk::Reduced(other)), place == other_place);
                 assert!(Capabilities::UNKNOWN.has_walk(Walk::Reduced(other)));
             }
@@ -188,9 +199,9 @@ mod tests {
         assert!(!nothing.has_walk(Walk::Full) && !nothing.has_walk(Walk::Reduced(ReducedWalk::LeafAsHit)));
         let counted = StreamSpec { counts: true, ..StreamSpec::default() };
         assert!(nothing.can_trace(StreamSpec::default()) && !nothing.can_trace(counted));
-        for precision in PRECISIONS {
+        for precision in Precision::ALL {
             let one = Capabilities::UNKNOWN.with_precisions(&[precision]);
-            for other in PRECISIONS {
+            for other in Precision::ALL {
                 assert_eq!(one.can_trace(StreamSpec { precision: other, ..counted }), other == precision);
             }
         }

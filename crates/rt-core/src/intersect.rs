@@ -2,63 +2,67 @@
 //!
 //! # The definition
 //!
-//! Rays and triangles are taken as the exact numbers that they are. With `a`, `b`, `c` the vertices relative to the origin and
-//! `d` the direction, let `U = d · (b × c)`, `V = d · (c × a)`, `W = d · (a × b)`, the signed volumes of J. Plücker's line
-//! coordinates, and `D = U + V + W`.
+//! Rays and triangles are taken as the exact numbers that they are. With `a`, `b`, `c` the vertices relative to the
+//! origin and `d` the direction, let `U = d · (b × c)`, `V = d · (c × a)`, `W = d · (a × b)`, the signed volumes of J.
+//! Plücker's line coordinates, and `D = U + V + W`.
 //!
-//! * The ray's *line* meets the triangle where U, V and W are all ≥ 0 or all ≤ 0, and not all zero. So edges and vertices belong
-//!   to a triangle, and to each triangle that has them; a triangle without area, or seen exactly edge-on, is never met.
-//! * It meets it at `t = a · (b × c) / D`, *rounded once* to single precision, to nearest and to even where that is a draw. A
-//!   distance that would vanish becomes the least number of its sign instead of 0: a surface behind the origin stays there. So
-//!   `t` is 0 exactly where the origin lies in the triangle.
-//! * That is a *hit* where `tmin ≤ t ≤ tmax`, both included, and `t` is finite. So an origin in a triangle hits it at `t = 0`
-//!   where `tmin` is 0 or less.
+//! * The ray's *line* meets the triangle where U, V and W are all ≥ 0 or all ≤ 0, and not all zero. So edges and
+//!   vertices belong to a triangle, and to each triangle that has them; a triangle without area, or seen exactly
+//!   edge-on, is never met.
+//! * It meets it at `t = a · (b × c) / D`, *rounded once* to single precision, to nearest and to even where that is a
+//!   draw. A distance that would vanish becomes the least number of its sign instead of 0: a surface behind the origin
+//!   stays there. So `t` is 0 exactly where the origin lies in the triangle.
+//! * That is a *hit* where `tmin ≤ t ≤ tmax`, both included, and `t` is finite. So an origin in a triangle hits it at
+//!   `t = 0` where `tmin` is 0 or less.
 //! * Of several hits the nearest counts: the one with the least rounded `t`, then the one with the lowest primitive id.
-//! * `u = V / D` and `v = W / D` are rounded quotients of numbers that are right to 2⁻²⁴ of D. They are the same bits on every
-//!   device, but not part of what is exact.
+//! * `u = V / D` and `v = W / D` are rounded quotients of numbers that are right to 2⁻²⁴ of D. They are the same bits
+//!   on every device, but not part of what is exact.
 //!
-//! This makes a hit a function of ray and triangle alone, whatever tree, device or precision finds it, and all shared edges
-//! watertight: the volume of an edge is the same number in both of its triangles but for the sign, and so for any fan around a
-//! vertex. It says nothing of gaps that the file itself leaves: a vertex that was rounded off the edge it should lie on (a
-//! T-junction) makes a gap or an overlap, and rays through a real gap miss. One that lies on the edge exactly makes none.
+//! This makes a hit a function of ray and triangle alone, whatever tree, device or precision finds it, and all shared
+//! edges watertight: the volume of an edge is the same number in both of its triangles but for the sign, and so for any
+//! fan around a vertex. It says nothing of gaps that the file itself leaves: a vertex that was rounded off the edge it
+//! should lie on (a T-junction) makes a gap or an overlap, and rays through a real gap miss. One that lies on the edge
+//! exactly makes none.
 //!
 //! # How it is met
 //!
-//! After S. Woop, C. Benthin and I. Wald, *Watertight Ray/Triangle Intersection*, JCGT 2-1 (2013): [`Shear`] turns the ray into
-//! the axis where its direction is largest; the edge functions of the sheared vertices are U, V and W divided by the direction's
-//! largest component. They are computed in double precision, with a bound on their error. Where that does not settle a sign, or
-//! leaves the rounding of `t` open, the module `exact` decides in exact arithmetic, as J. R. Shewchuk's adaptive predicates
-//! (1997) do. Kernels may decide clear cases more cheaply still.
+//! After S. Woop, C. Benthin and I. Wald, *Watertight Ray/Triangle Intersection*, JCGT 2-1 (2013): [`Shear`] turns the
+//! ray into the axis where its direction is largest; the edge functions of the sheared vertices are U, V and W divided
+//! by the direction's largest component. They are computed in double precision, with a bound on their error. Where that
+//! does not settle a sign, or leaves the rounding of `t` open, the module `exact` decides in exact arithmetic, as J. R.
+//! Shewchuk's adaptive predicates (1997) do. Kernels may decide clear cases more cheaply still.
 //!
-//! Every number below, and every comparison of two, scales exactly under powers of two. So the test gives the same bits in the
-//! coordinates of the scene's file and in those of the normalised tree.
+//! Every number below, and every comparison of two, scales exactly under powers of two. So the test gives the same bits
+//! in the coordinates of the scene's file and in those of the normalised tree.
 //!
 //! # The bound on edge functions
 //!
 //! Let ε = 2⁻⁵³, and X, Y, Z bound the computed |x|, |y|, |z| of the sheared vertices; S = X + Y and R = Z + S/2.
 //!
-//! * A coordinate relative to the origin is off by ε of itself, as its operands are exact. For the product of a shear factor
-//!   (|s| ≤ 1, off by ε of itself) and z that makes 3.01·ε·Z. The coordinate relative to the origin is at most |x| + |z|, and the
-//!   last difference is off by ε·|x|. So a sheared coordinate is off by less than ε·(2·X + 4.01·Z).
-//! * The two products of an edge function and their difference are off by 4·ε·X·Y, and errors of the factors change it by
-//!   2·ε·(X·(2·Y + 4.01·Z) + Y·(2·X + 4.01·Z)) + 2·ε²·(2·X + 4.01·Z)·(2·Y + 4.01·Z). With X·Y ≤ S²/4 all that is less than
-//!   8.02·ε·R·S + 32.2·ε²·R².
+//! * A coordinate relative to the origin is off by ε of itself, as its operands are exact. For the product of a shear
+//!   factor (|s| ≤ 1, off by ε of itself) and z that makes 3.01·ε·Z. The coordinate relative to the origin is at
+//!   most |x| + |z|, and the last difference is off by ε·|x|. So a sheared coordinate is off by less than ε·(2·X +
+//!   4.01·Z).
+//! * The two products of an edge function and their difference are off by 4·ε·X·Y, and errors of the factors change it
+//!   by 2·ε·(X·(2·Y + 4.01·Z) + Y·(2·X + 4.01·Z)) + 2·ε²·(2·X + 4.01·Z)·(2·Y + 4.01·Z). With X·Y ≤ S²/4 all that is
+//!   less than 8.02·ε·R·S + 32.2·ε²·R².
 //! * `ERROR` is 9·ε·R·(S + 5·ε·R), which has room for its own rounding.
 //!
 //! # The bound on distances
 //!
-//! Where all edge functions have one sign, their mean of the z lies among the z. Changing each by at most E moves the mean by at
-//! most 3·E·(spread of the z) / |D|. Rounding adds less than 9.1·ε·Z: 4 in the weighted sum, 2 in D, one each in the quotient, in
-//! the reciprocal of the direction's component, and in the product with it. The code counts 4 and 12.
+//! Where all edge functions have one sign, their mean of the z lies among the z. Changing each by at most E moves the
+//! mean by at most 3·E·(spread of the z) / |D|. Rounding adds less than 9.1·ε·Z: 4 in the weighted sum, 2 in D, one
+//! each in the quotient, in the reciprocal of the direction's component, and in the product with it. The code counts 4
+//! and 12.
 //!
 //! # Range
 //!
 //! Given coordinates are multiples of 2⁻¹⁴⁹ below 2¹²⁸. A tree's are those times 2^−k with −148 ≤ k ≤ 128
-//! ([`crate::SCALE_EXPONENTS`]): triangles again in single precision, origins in double precision. So coordinates are multiples of
-//! 2⁻²⁷⁷ below 2²⁷⁶. What exact arithmetic makes of them is at most three of them multiplied (multiples of 2⁻⁸³¹ below 2⁸³⁴), or a
-//! direction, two of them and a distance (multiples of 2⁻⁹⁸¹ below 2⁹⁶²), in both cases with all terms: double precision neither
-//! overflows nor meets a subnormal number. In the sheared test products may vanish, where a shear factor is below 2⁻²⁰⁰; that
-//! changes nothing, as the bound is at least 45·ε²·R², above 2⁻⁶⁵⁷.
+//! ([`crate::SCALE_EXPONENTS`]): triangles again in single precision, origins in double precision. So coordinates are
+//! multiples of 2⁻²⁷⁷ below 2²⁷⁶. What exact arithmetic makes of them is at most three of them multiplied (multiples of
+//! 2⁻⁸³¹ below 2⁸³⁴), or a direction, two of them and a distance (multiples of 2⁻⁹⁸¹ below 2⁹⁶²), in both cases with
+//! all terms: double precision neither overflows nor meets a subnormal number. In the sheared test products may vanish,
+//! where a shear factor is below 2⁻²⁰⁰; that changes nothing, as the bound is at least 45·ε²·R², above 2⁻⁶⁵⁷.
 
 mod exact;
 
@@ -97,17 +101,18 @@ pub struct Intersection {
 const LEAST: f32 = f32::from_bits(1);
 
 /// Unit roundoff of double precision, ε.
-const EPSILON: f64 = f64::EPSILON / 2.0;
+pub const EPSILON: f64 = f64::EPSILON / 2.0;
 
 /// Factor of the bound on edge functions.
-const ERROR: f64 = 9.0 * EPSILON;
+pub const ERROR: f64 = 9.0 * EPSILON;
 
-/// Factor of the bound on edge functions of whatever triangle within a reach m: its X and Y are at most 2·m and Z is at most m, so
-/// R ≤ 3·m and the bound at most 108.1·ε·m². The rest is for the rounding of m in single precision.
+/// Factor of the bound on edge functions of whatever triangle within a reach m: its X and Y are at most 2·m and Z is at
+/// most m, so R ≤ 3·m and the bound at most 108.1·ε·m². The rest is for the rounding of m in single precision.
 const ERROR_WITHIN_REACH: f64 = 128.0 * EPSILON;
 
-/// How many times the bound on edge functions their sum must be for weights to be right to 2⁻²⁴: each is off by that bound.
-const CLEAR: f64 = (1 << 26) as f64;
+/// How many times the bound on edge functions their sum must be for weights to be right to 2⁻²⁴: each is off by that
+/// bound.
+pub const CLEAR: f64 = (1 << 26) as f64;
 
 /// The axis of the largest component, and the two others in cyclic order before it: `[x, y, dominant]`.
 #[inline]
@@ -127,8 +132,8 @@ impl Shear {
     /// Prepares a valid ray for finite triangles whose coordinates are given ones times 2^−`scale_exponent` (in
     /// [`crate::SCALE_EXPONENTS`]), none lost.
     ///
-    /// `reach` is the greatest distance along an axis from the origin to any vertex it will be asked about, in the triangles' unit;
-    /// +∞ where that is not known. It only saves time.
+    /// `reach` is the greatest distance along an axis from the origin to any vertex it will be asked about, in the
+    /// triangles' unit; +∞ where that is not known. It only saves time.
     #[inline]
     #[must_use]
     pub fn new(ray: &Ray, scale_exponent: i32, reach: f64) -> Self {
@@ -183,8 +188,8 @@ impl Shear {
         Some(Intersection { t, error, u: v / determinant, v: w / determinant })
     }
 
-    /// The hit of an intersection with this `triangle`, whose distance is settled to the last bit if it can lie within the
-    /// inclusive `limits`; `None` outside of them.
+    /// The hit of an intersection with this `triangle`, whose distance is settled to the last bit if it can lie within
+    /// the inclusive `limits`; `None` outside of them.
     #[inline]
     #[must_use]
     pub fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
@@ -244,8 +249,8 @@ fn greater(a: f64, b: f64) -> f64 {
 
 /// The hit of one ray with one triangle: what the host recomputes for shading from (ray, primitive id).
 ///
-/// `None` for a miss, for an invalid ray, and for a triangle that is not finite. Bit-identical to what the kernels report for
-/// that pair.
+/// `None` for a miss, for an invalid ray, and for a triangle that is not finite. Bit-identical to what the kernels
+/// report for that pair.
 #[must_use]
 pub fn hit(ray: &Ray, triangle: &Triangle, primitive: u32) -> Option<Hit> {
     if !ray.is_valid() || !triangle.is_finite() {

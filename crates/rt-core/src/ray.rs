@@ -217,6 +217,9 @@ pub enum Precision {
 }
 
 impl Precision {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Robust, Self::Fast, Self::Double];
+
     /// The name that command lines and reports use.
     #[must_use]
     pub const fn name(self) -> &'static str {
@@ -252,4 +255,9 @@ pub enum ReducedWalk {
     /// Only the top of the tree is walked; what hangs below counts as much as it did on average for rays that were
     /// traced to find out. Not on every device.
     Truncated,
+}
+
+impl ReducedWalk {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::LeafAsHit, Self::Unshortened, Self::LeafPlane, Self::Truncated];
 }

@@ -11,8 +11,8 @@ use core::ops::RangeInclusive;
 /// this many entries always suffices.
 pub const MAX_DEPTH: u32 = 128;
 
-/// What [`Scene::scale_exponent`] may be: what takes coordinates from the least to the largest of single precision to about 1.
-/// The exact arithmetic of [`crate::intersect`] counts with it.
+/// What [`Scene::scale_exponent`] may be: what takes coordinates from the least to the largest of single precision to
+/// about 1. The exact arithmetic of [`crate::intersect`] counts with it.
 pub const SCALE_EXPONENTS: RangeInclusive<i32> = -148..=128;
 
 /// An inner node of the two-wide tree: the boxes of both children and where they are. 64 bytes, one cache line.
@@ -201,9 +201,9 @@ impl Scene {
         self.primitive_count
     }
 
-    /// Local coordinates are given ones times `2^−scale_exponent`. No coordinate of a triangle is rounded. Where that is
-    /// possible the largest of them is in [½, 1), which keeps single-precision products of coordinates away from overflow and
-    /// underflow whatever the unit of the scene.
+    /// Local coordinates are given ones times `2^−scale_exponent`. No coordinate of a triangle is rounded. Where that
+    /// is possible the largest of them is in [½, 1), which keeps single-precision products of coordinates away from
+    /// overflow and underflow whatever the unit of the scene.
     #[must_use]
     pub const fn scale_exponent(&self) -> i32 {
         self.scale_exponent
@@ -231,8 +231,8 @@ impl Scene {
 
 /// Walks the tree without recursion, returns its depth.
 fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError> {
-    let mut node_seen = vec![false; nodes.len()];
-    let mut slot_seen = vec![false; triangles.len()];
+    let mut node_seen = unseen(nodes.len())?;
+    let mut slot_seen = unseen(triangles.len())?;
     let mut deepest = 0;
     let mut open = vec![(0_u32, 1_u32, None::<Aabb>)];
     while let Some((index, depth, within)) = open.pop() {
@@ -275,7 +275,14 @@ fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError>
     }
 }
 
-/// Why [`Scene::new`] refused its parts: always a defect of the builder, never of the caller's mesh.
+fn unseen(count: usize) -> Result<Vec<bool>, SceneError> {
+    let mut seen = Vec::new();
+    seen.try_reserve_exact(count).map_err(|_| SceneError::OutOfMemory { bytes: count as u64 })?;
+    seen.resize(count, false);
+    Ok(seen)
+}
+
+/// Why [`Scene::new`] refused its parts: but for memory always a defect of the builder, never of the caller's mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -322,6 +329,11 @@ pub enum SceneError {
     },
     /// A path is longer than [`MAX_DEPTH`].
     TooDeep,
+    /// There is no memory to check them.
+    OutOfMemory {
+        /// How many bytes it takes.
+        bytes: u64,
+    },
 }
 
 impl fmt::Display for SceneError {
@@ -343,6 +355,7 @@ impl fmt::Display for SceneError {
                 SCALE_EXPONENTS.end()
             ),
             Self::TooDeep => write!(f, "the tree is deeper than {MAX_DEPTH}"),
+            Self::OutOfMemory { bytes } => write!(f, "no memory to check the tree: {bytes} bytes are needed"),
         }
     }
 }

@@ -1,12 +1,12 @@
 //! The floating-point environment that hits are defined in: rounding to nearest, subnormal numbers kept, no traps.
 //!
 //! A host program may have set another one: audio and game code flushes subnormal numbers to zero, interval arithmetic
-//! rounds upwards, debuggers of numerics trap. Threads inherit it from whoever starts them. Hits would then have other bits,
-//! boxes would no longer hold what is in them, and Rust itself assumes the default. So everything that computes for a
-//! caller does it inside of an [`Environment`].
+//! rounds upwards, debuggers of numerics trap. Threads inherit it from whoever starts them. Hits would then have other
+//! bits, boxes would no longer hold what is in them, and Rust itself assumes the default. So everything that computes
+//! for a caller does it inside of an [`Environment`].
 //!
-//! Current state and limits: x86-64, the control word of its SSE unit, which does all arithmetic there. On other processors
-//! nothing is done.
+//! Current state and limits: x86-64, the control word of its SSE unit, which does all arithmetic there. On other
+//! processors nothing is done.
 #![no_std]
 #![deny(unsafe_code)]
 
@@ -19,8 +19,9 @@ use core::marker::PhantomData;
 
 /// The default environment, on this thread, until it is dropped; then the caller's own is back.
 ///
-/// Compilers know nothing of it: arithmetic in the same function whose operands and results stay in registers may be moved
-/// to before or behind it. What is loaded from memory or stored there is not. So it belongs around calls, not single operations.
+/// Compilers know nothing of it: arithmetic in the same function whose operands and results stay in registers may be
+/// moved to before or behind it. What is loaded from memory or stored there is not. So it belongs around calls, not
+/// single operations.
 #[derive(Debug)]
 #[must_use = "the environment lasts as long as this does"]
 pub struct Environment {

@@ -33,9 +33,9 @@ fn read() -> u32 {
 }
 
 fn write(word: u32) {
-    // SAFETY: `ldmxcsr` reads four bytes from its operand, which is a valid and aligned `u32`. It faults on reserved bits
-    // only, and what is written is either `Control::DEFAULT` or was read from the register, so it has none. With the default
-    // the program is as Rust assumes it; with another word it is as the caller had made it before, under whose
-    // responsibility that was.
+    // SAFETY: `ldmxcsr` reads four bytes from its operand, which is a valid and aligned `u32`. It faults on reserved
+    // bits only, and what is written is either `Control::DEFAULT` or was read from the register, so it has none. With
+    // the default the program is as Rust assumes it; with another word it is as the caller had made it before, under
+    // whose responsibility that was.
     unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const word, options(nostack, readonly)) };
 }

@@ -23,8 +23,8 @@ pub struct Answer {
     pub quotient: [f32; 2],
 }
 
-/// What the kernel [`Purpose::Arithmetic`](rt_shaders::Purpose::Arithmetic) is given at binding 4: a pair of zeros, behind
-/// which it hides results from its compiler, then [`PAIRS`] pairs of numbers.
+/// What the kernel [`Purpose::Arithmetic`](rt_shaders::Purpose::Arithmetic) is given at binding 4: a pair of zeros,
+/// behind which it hides results from its compiler, then [`PAIRS`] pairs of numbers.
 #[must_use]
 pub fn questions() -> Vec<[f32; 2]> {
     std::iter::once([0.0; 2]).chain((0..PAIRS).map(pair)).collect()

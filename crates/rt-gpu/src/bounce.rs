@@ -1,10 +1,10 @@
 //! Whether a device makes the rays that leave surfaces as the host does, bit for bit.
 
-use crate::order::Row;
+use crate::ray_recipe::Row;
 use crate::trials::first_fault;
-use crate::{Order, SceneImage};
+use crate::{RayRecipe, SceneImage};
 use glam::Vec3;
-use rt_bvh::offload::{KernelRay, Offload};
+use rt_bvh::kernel_io::{KernelIo, KernelRay};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::bounce::{Aim, Departure, Scatter, Surface, Surfaces, basis};
 use rt_core::{BounceRays, Scene, random};
@@ -23,14 +23,14 @@ const LEFT_OUT_OF_RANDOM: f64 = 1.0 / 32.0;
 pub struct Trial {
     scene: Arc<Scene>,
     rays: BounceRays,
-    order: Order,
+    recipe: RayRecipe,
     /// Share of the rays that may be left to the host.
     left_out: f64,
 }
 
-/// What a device must pass: rays about normals and to a sun, soft and straight above, from triangles of all sizes, among
-/// them needles and such as lie in a plane of two axes, at the origin and far from it, with one path in each group and with
-/// several.
+/// What a device must pass: rays about normals and to a sun, soft and straight above, from triangles of all sizes,
+/// among them needles and such as lie in a plane of two axes, at the origin and far from it, with one path in each
+/// group and with several.
 #[must_use]
 pub fn trials() -> Vec<Trial> {
     let oblique = Vec3::new(0.48, 0.6, 0.64);
@@ -47,8 +47,8 @@ pub fn trials() -> Vec<Trial> {
     .collect()
 }
 
-/// Trials beyond those that a device must pass: of other triangles, scales, offsets and rays for each seed. What extremes the
-/// host keeps to itself are left out.
+/// Trials beyond those that a device must pass: of other triangles, scales, offsets and rays for each seed. What
+/// extremes the host keeps to itself are left out.
 #[must_use]
 pub fn random_trials(seed: u32, count: u32) -> Vec<Trial> {
     let trial = |i: u32| {
@@ -91,17 +91,17 @@ fn vertex([seed, triangle, corner]: [u32; 3], scale: f32, offset: f32) -> Vec3 {
     (Vec3::new(at(0), at(1), at(2)) + Vec3::splat(offset)) * scale
 }
 
-/// In words, the first ray of the trials that a device makes otherwise than the host; `None` if there is none. `make` lets the
-/// device make rays that leave the triangles of a scene.
+/// In words, the first ray of the trials that a device makes otherwise than the host; `None` if there is none. `make`
+/// lets the device make rays that leave the triangles of a scene.
 ///
 /// # Errors
 /// Those of `make`.
 pub fn fault<E>(
     trials: &[Trial],
-    mut make: impl FnMut(&SceneImage<'_>, &Order) -> Result<Vec<KernelRay>, E>,
+    mut make: impl FnMut(&SceneImage<'_>, &RayRecipe) -> Result<Vec<KernelRay>, E>,
 ) -> Result<Option<String>, E> {
     for trial in trials {
-        if let Some(fault) = trial.first_fault(&make(&trial.image(), &trial.order)?) {
+        if let Some(fault) = trial.first_fault(&make(&trial.image(), &trial.recipe)?) {
             return Ok(Some(fault));
         }
     }
@@ -136,10 +136,10 @@ impl Trial {
             departures: (0..RAYS).map(departure).collect(),
             scatter: Scatter { aim, seed: 0x9e37_79b9, samples, first_group: 77, bounce: 1 },
         };
-        let block = Offload::new(&scene).bounce(&rays)?;
+        let block = KernelIo::new(&scene).bounce(&rays)?;
         let rows = [Row { ray: 1000, count: RAYS - 1000 }, Row { ray: 0, count: 1000 }];
-        let order = Order::bounce(&block, &rays, &rows, 0, &[]);
-        Some(Self { scene, rays, order, left_out: LEFT_OUT })
+        let recipe = RayRecipe::bounce(&block, &rays, &rows, 0, &[]);
+        Some(Self { scene, rays, recipe, left_out: LEFT_OUT })
     }
 
     /// The scene, whose triangles and primitives the kernel reads in the order of the two-wide tree.
@@ -148,10 +148,10 @@ impl Trial {
     }
 
     fn expected(&self) -> Vec<KernelRay> {
-        let offload = Offload::new(&self.scene);
+        let io = KernelIo::new(&self.scene);
         let ray = |i| {
             let (ray, excluded) = self.rays.ray(i);
-            offload.prepare(&ray, excluded)
+            io.prepare(&ray, excluded)
         };
         (0..self.rays.len()).map(ray).collect()
     }

@@ -1,19 +1,20 @@
 //! Whether a device makes the camera rays that the host makes, bit for bit.
 
-use crate::Order;
-use crate::order::Row;
+use crate::RayRecipe;
+use crate::ray_recipe::Row;
 use crate::trials::first_fault;
-use rt_bvh::offload::{KernelCamera, KernelRay, Offload};
+use rt_bvh::kernel_io::{KernelCamera, KernelIo, KernelRay};
 use rt_bvh::{BuildOptions, Mesh, build};
 use rt_core::{Camera, CameraRays, Scene, morton};
 use std::sync::Arc;
 
-/// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the host.
+/// Width and height of the trials' images in pixels. Even, so that no ray runs along an axis: those are left to the
+/// host.
 const SIZE: [u32; 2] = [62, 38];
 
-/// Share of the rays of a trial that a device may leave to the host. With quotients that are off by 2.5 units in the last
-/// place, the improved ones are off by 2⁻⁴³ at most, so that at worst one in 2¹⁸ is rounded otherwise, and one ray in 2¹⁵ has
-/// such a one among its eight; more come from components near 0.
+/// Share of the rays of a trial that a device may leave to the host. With quotients that are off by 2.5 units in the
+/// last place, the improved ones are off by 2⁻⁴³ at most, so that at worst one in 2¹⁸ is rounded otherwise, and one ray
+/// in 2¹⁵ has such a one among its eight; more come from components near 0.
 const LEFT_OUT: f64 = 1.0 / 256.0;
 
 /// A scene, a camera, and the rays that a device is to make.
@@ -24,8 +25,8 @@ struct Trial {
     camera: KernelCamera,
 }
 
-/// What a device must pass: cameras near and far, along an axis and across, wide and narrow, with one ray for each pixel
-/// and with several.
+/// What a device must pass: cameras near and far, along an axis and across, wide and narrow, with one ray for each
+/// pixel and with several.
 fn trials() -> Vec<Trial> {
     let oblique = ([3.1, 1.7, -2.3], [0.2, 0.4, 0.1]);
     let along = ([0.5, 0.25, 4.0], [0.5, 0.25, 0.0]);
@@ -42,12 +43,12 @@ fn trials() -> Vec<Trial> {
     .collect()
 }
 
-/// In words, the first ray of all trials that a device makes otherwise than the host; `None` if there is none. `make` lets the
-/// device make rays.
+/// In words, the first ray of all trials that a device makes otherwise than the host; `None` if there is none. `make`
+/// lets the device make rays.
 ///
 /// # Errors
 /// Those of `make`.
-pub fn fault<E>(mut make: impl FnMut(&Order) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
+pub fn fault<E>(mut make: impl FnMut(&RayRecipe) -> Result<Vec<KernelRay>, E>) -> Result<Option<String>, E> {
     for trial in trials() {
         if let Some(fault) = trial.first_fault(&make(&trial.order())?) {
             return Ok(Some(fault));
@@ -64,22 +65,22 @@ impl Trial {
         let camera = Camera::look_at(eye, target, glam::Vec3::Y, fov).ok()?;
         let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
         let rays = CameraRays { camera, size, pixels, samples, seed: 0x9e37_79b9 };
-        let camera = Offload::new(&scene).camera(&rays)?;
+        let camera = KernelIo::new(&scene).camera(&rays)?;
         Some(Self { scene, rays, camera })
     }
 
-    /// What the device is told to make: all but the first pixel's first sample, as for a stream's second window, the later
-    /// rays first.
-    fn order(&self) -> Order {
+    /// What the device is told to make: all but the first pixel's first sample, as for a stream's second window, the
+    /// later rays first.
+    fn order(&self) -> RayRecipe {
         let [middle, end] = [self.rays.len() / 2 + 1, self.rays.len()];
         let rows = [Row { ray: middle, count: end - middle }, Row { ray: 1, count: middle - 1 }];
-        Order::camera(&self.camera, &self.rays, &rows, 1)
+        RayRecipe::camera(&self.camera, &self.rays, &rows, 1)
     }
 
     /// What the host makes of it, without the same sample.
     fn expected(&self) -> Vec<KernelRay> {
-        let offload = Offload::new(&self.scene);
-        (1..self.rays.len()).map(|i| offload.prepare(&self.rays.ray(i), u32::MAX)).collect()
+        let io = KernelIo::new(&self.scene);
+        (1..self.rays.len()).map(|i| io.prepare(&self.rays.ray(i), u32::MAX)).collect()
     }
 
     /// What is wrong with what a device wrote to binding 6.

@@ -1,6 +1,6 @@
 //! What a graphics device says of itself.
 
-use crate::{Layouts, Profile, Tally};
+use crate::{Layouts, Profile, RayCounters};
 use rt_core::Device;
 
 /// A graphics card, or a processor in the guise of one, as its driver describes it.
@@ -23,7 +23,8 @@ pub struct Card {
 }
 
 impl Card {
-    /// Whether both may be one card, seen through two APIs. Cards of one model whose place is not known are taken for one.
+    /// Whether both may be one card, seen through two APIs. Cards of one model whose place is not known are taken for
+    /// one.
     #[must_use]
     pub fn may_be(&self, other: &Self) -> bool {
         match (&self.slot, &other.slot) {
@@ -48,8 +49,8 @@ pub trait GpuDevice: Device {
     }
 
     /// What its tracers have done so far.
-    fn tally(&self) -> &Tally {
-        &self.profile().tally
+    fn counters(&self) -> &RayCounters {
+        &self.profile().counters
     }
 
     /// The layouts in which it holds scenes; the two-wide tree alone where both do not fit.
@@ -73,8 +74,8 @@ pub trait GpuDevice: Device {
 /// Mesa's first release whose software rasteriser runs loops to their end: 22.3 stops silently after 65,535 rounds.
 const LEAST_LLVMPIPE: u32 = 25;
 
-/// Why Mesa's software rasteriser of this version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`, must not be used; `None` if it
-/// may.
+/// Why Mesa's software rasteriser of this version, such as `Mesa 25.0.7-2 (LLVM 15.0.6)`, must not be used; `None` if
+/// it may.
 #[must_use]
 pub fn fault_of_llvmpipe(version: &str) -> Option<String> {
     let digits = version.split(|c: char| !c.is_ascii_digit()).find(|part| !part.is_empty());

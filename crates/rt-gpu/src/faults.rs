@@ -14,8 +14,8 @@ pub enum FaultInjection {
     Kernel(Purpose),
     /// The device is lost when launch n is handed to it, counting from 0 and walks too, and from then on.
     LostAtLaunch(u32),
-    /// Nothing goes wrong, but kernels that look for the nearest hit count in each ray how often it was visited since it was
-    /// loaded. A walk by [`rt_core::ReducedWalk::LeafAsHit`] brings that number back in place of box tests.
+    /// Nothing goes wrong, but kernels that look for the nearest hit count in each ray how often it was visited since
+    /// it was loaded. A walk by [`rt_core::ReducedWalk::LeafAsHit`] brings that number back in place of box tests.
     CountVisits,
 }
 

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use rt_bvh::WideTree;
-use rt_bvh::offload::Offload;
+use rt_bvh::kernel_io::KernelIo;
 use rt_core::{Child, Scene};
 
 /// The shader's structure `Frame`.
@@ -34,7 +34,7 @@ impl<'a> SceneImage<'a> {
     pub fn new(scene: &'a Scene) -> Self {
         let root = &scene.nodes()[0];
         let there: Vec<u32> = (0..2).filter(|&side| root.child(side as usize) != Child::Absent).collect();
-        let bounds = Offload::new(scene).bounds();
+        let bounds = KernelIo::new(scene).bounds();
         let frame = Frame {
             low: bounds.min.to_array(),
             root: match there[..] {
@@ -55,8 +55,8 @@ impl<'a> SceneImage<'a> {
         Self { wide: bytemuck::cast_slice(tree.nodes()), ..Self::new(tree.scene()) }
     }
 
-    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in errors, and its
-    /// bytes; none if there is none.
+    /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in
+    /// errors, and its bytes; none if there is none.
     #[must_use]
     pub fn wide(&self) -> (String, &[u8]) {
         let two = size_of_val(self.scene.nodes());

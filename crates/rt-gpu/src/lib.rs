@@ -1,10 +1,10 @@
 //! The host's side of the GPU backends: everything that does not depend on the API by which a card is reached.
 //!
-//! A backend implements [`Board`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
-//! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of the hits
-//! that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`] chooses between
-//! layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and [`bounce`] find out
-//! whether a card computes as the host relies on.
+//! A backend implements [`GpuApi`]: buffers, kernels of `rt_shaders` started and waited for. [`GpuTracer`] makes a
+//! [`rt_core::Tracer`] of it: it prepares rays or has them made there, deals rays to kernels, computes t, u and v of
+//! the hits that come back from ray and triangle, and traces the rays that rounding leaves in doubt. [`GpuScene`]
+//! chooses between layouts, [`SceneImage`] is what a scene looks like to the kernels; [`arithmetic`], [`camera`] and
+//! [`bounce`] find out whether a card computes as the host relies on.
 //!
 //! # What crosses the bus
 //!
@@ -23,39 +23,41 @@
 #![forbid(unsafe_code)]
 
 pub mod arithmetic;
-mod board;
 pub mod bounce;
 pub mod camera;
 mod card;
+mod environment;
 mod faults;
+mod gpu_api;
 mod image;
-mod maker;
-mod order;
 mod pending;
 mod profile;
+mod ray_counters;
+mod ray_generation;
+mod ray_list;
+mod ray_recipe;
 mod rays;
 mod scene;
-mod tally;
 mod tracer;
 mod trials;
 mod tuning;
-mod work;
 
-pub use board::{Answer, Board, Flight};
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
+pub use environment::{BadVariable, switch};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;
 pub use faults::Faults;
+pub use gpu_api::{Answer, Flight, GpuApi};
 pub use image::{Frame, SceneImage};
-pub use order::Order;
 pub use profile::Profile;
+pub use ray_counters::RayCounters;
+pub use ray_list::RayList;
+pub use ray_recipe::RayRecipe;
 pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
-pub use tally::Tally;
 pub use tracer::GpuTracer;
 pub use trials::Trials;
 pub use tuning::Tuning;
-pub use work::Work;
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

@@ -1,9 +1,9 @@
 //! A launch in flight, and what becomes of a kernel's answer.
 
-use crate::{Answer, Flight, GpuScene, Work};
+use crate::{Answer, Flight, GpuScene, RayList};
 use rayon::prelude::*;
 use rt_bvh::Stack;
-use rt_bvh::offload::Offload;
+use rt_bvh::kernel_io::KernelIo;
 use rt_core::{Hit, Precision, Query, RaySource, ReducedWalk, StreamSpec, TestCounts, Ticket, Walk};
 use rt_fenv::Environment;
 use rt_shaders::{DOUBTFUL, MISS, Purpose};
@@ -24,7 +24,7 @@ pub(crate) struct Pending {
 #[derive(Debug)]
 pub(crate) struct Part {
     pub flight: Flight,
-    pub work: Work,
+    pub list: RayList,
 }
 
 /// What was asked of the rays of a kernel.
@@ -86,10 +86,10 @@ struct Chunk<'a> {
 }
 
 /// Cuts the answers into one part for each [`CHUNK`] of items. The places of a part rise with its items.
-fn chunks<'a>(work: &Work, answers: &'a mut Answers<'_>) -> Vec<Chunk<'a>> {
-    let mut items: Vec<(u32, u32)> = (0..work.items())
+fn chunks<'a>(list: &RayList, answers: &'a mut Answers<'_>) -> Vec<Chunk<'a>> {
+    let mut items: Vec<(u32, u32)> = (0..list.items())
         .step_by(CHUNK)
-        .filter_map(|item| work.from(item).next().map(|(_, place)| (item, place)))
+        .filter_map(|item| list.from(item).next().map(|(_, place)| (item, place)))
         .collect();
     // From the last one on, so that each takes what is behind its place.
     let (mut hits, mut counts) = (&mut *answers.hits, &mut *answers.counts);
@@ -115,11 +115,11 @@ pub(crate) fn finish(
     scene: &GpuScene,
     source: &RaySource,
     how: How,
-    work: &Work,
+    list: &RayList,
     answer: &Answer<'_>,
     answers: &mut Answers<'_>,
 ) -> Finished {
-    let offload = Offload::new(scene.given());
+    let io = KernelIo::new(scene.given());
     let one = |stack: &mut Stack, item: usize, ray: u32| {
         let counts = answer.counts.get(item).copied().unwrap_or_default();
         let believed = |hit| Given { hit, counts, on_host: false, refused: None };
@@ -130,19 +130,19 @@ pub(crate) fn finish(
         match answer.found[item] {
             DOUBTFUL => traced(None),
             MISS => believed(Hit::MISS),
-            slot => match scene.finish(&offload, &source.ray(ray).0, slot) {
+            slot => match scene.finish(&io, &source.ray(ray).0, slot) {
                 Some(hit) => believed(hit),
                 None => traced(Some(slot)),
             },
         }
     };
-    let parts: Vec<Finished> = chunks(work, answers)
+    let parts: Vec<Finished> = chunks(list, answers)
         .into_par_iter()
         .map_init(
             || (Environment::enter(), Stack::for_scene(scene.given())),
             |(_, stack), Chunk { item, place: first, answers }| {
                 let mut part = Finished::default();
-                for (item, (ray, place)) in (item as usize..).zip(work.from(item)).take(CHUNK) {
+                for (item, (ray, place)) in (item as usize..).zip(list.from(item)).take(CHUNK) {
                     let place = (place - first) as usize;
                     let given = one(stack, item, ray);
                     answers.hits.get_mut(place).into_iter().for_each(|out| *out = given.hit);

@@ -1,6 +1,6 @@
 //! What backends keep of an opened card, and how they make a tracer of a scene.
 
-use crate::{Board, Card, GpuScene, GpuTracer, IN_FLIGHT, Layouts, Tally, Tuning};
+use crate::{Card, GpuApi, GpuScene, GpuTracer, IN_FLIGHT, Layouts, RayCounters, Tuning};
 use rt_core::{Capabilities, Clock, Counted, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Scene, Tracer};
 use std::sync::Arc;
 
@@ -16,7 +16,7 @@ pub struct Profile {
     /// How its tracers make their launches.
     pub tuning: Tuning,
     /// What they did.
-    pub tally: Arc<Tally>,
+    pub counters: Arc<RayCounters>,
 }
 
 impl Profile {
@@ -27,6 +27,7 @@ impl Profile {
         let capabilities = Capabilities::UNKNOWN
             .with_reduced_walks(&[ReducedWalk::LeafAsHit, ReducedWalk::Unshortened])
             .with_counts(Counted::SceneTree)
+            .with_defined_bits()
             .making_rays();
         // Neither API tells the number of units.
         let info = DeviceInfo::new(card.name.clone(), backend)
@@ -34,30 +35,30 @@ impl Profile {
             .with_memory(memory)
             .with_capabilities(capabilities);
         let layouts = layouts.unwrap_or(Layouts::USUAL);
-        Self { card, info, layouts, tuning: Tuning::default(), tally: Arc::default() }
+        Self { card, info, layouts, tuning: Tuning::default(), counters: Arc::default() }
     }
 
-    /// A tracer of `scene`, which `board` brings to the card. Where it does not fit with both trees, and only hits were to be
-    /// found over the wide one, the two-wide tree alone is tried, and the tracer notes it.
+    /// A tracer of `scene`, which `api` brings to the card. Where it does not fit with both trees, and only hits were
+    /// to be found over the wide one, the two-wide tree alone is tried, and the tracer notes it.
     ///
     /// # Errors
-    /// Those of `board`.
-    pub fn tracer<B: Board + 'static>(
+    /// Those of `api`.
+    pub fn tracer<A: GpuApi + 'static>(
         &self,
         scene: Arc<Scene>,
         clock: Clock,
-        board: impl Fn(&GpuScene) -> Result<B, DeviceError>,
+        api: impl Fn(&GpuScene) -> Result<A, DeviceError>,
     ) -> Result<Box<dyn Tracer>, DeviceError> {
         let mut held = GpuScene::new(Arc::clone(&scene), self.layouts);
-        let (mut made, mut note) = (board(&held), None);
+        let (mut made, mut note) = (api(&held), None);
         if let Err(error) = &made
             && error.kind() == DeviceErrorKind::OutOfMemory
             && held.can_do_without_wide()
         {
             note = Some(format!("walks the two-wide tree alone: {error}"));
             held = GpuScene::from(scene);
-            made = board(&held);
+            made = api(&held);
         }
-        Ok(Box::new(GpuTracer::new(made?, held, clock, Arc::clone(&self.tally)).with_note(note)))
+        Ok(Box::new(GpuTracer::new(made?, held, clock, Arc::clone(&self.counters)).with_note(note)))
     }
 }

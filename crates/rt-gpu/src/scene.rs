@@ -1,7 +1,7 @@
 //! A scene and the layouts in which a device holds it.
 
 use crate::SceneImage;
-use rt_bvh::offload::Offload;
+use rt_bvh::kernel_io::KernelIo;
 use rt_bvh::{Stack, WideTree, count_wide, trace_wide};
 use rt_core::{Hit, MAX_DEPTH, Precision, Ray, Scene, StreamSpec, TestCounts, Walk};
 use rt_shaders::{Layout, Purpose};
@@ -12,17 +12,18 @@ use std::sync::Arc;
 pub struct Layouts {
     /// Where only hits are wanted.
     pub trace: Layout,
-    /// Where tests are counted. Other than [`Layout::Two`] only for comparing layouts: estimates of several devices can be
-    /// added up only where all count on one layout.
+    /// Where tests are counted. Other than [`Layout::Two`] only for comparing layouts: estimates of several devices can
+    /// be added up only where all count on one layout.
     pub count: Layout,
 }
 
 impl Layouts {
     /// What is used unless something else is asked for: hits over the wide layout, counts over the two-wide one.
     ///
-    /// On processors posing as graphics cards the wide layout was measured to be the faster one (docs/results/layouts.md). On
-    /// graphics cards it was not measured: there the choice rests on Ylitie, Karras and Laine (2017), who report 1.9 to 2.1
-    /// times the speed of earlier kernels for incoherent rays, and on its nodes taking a third of the memory.
+    /// On processors posing as graphics cards the wide layout was measured to be the faster one
+    /// (docs/results/layouts.md). On graphics cards it was not measured: there the choice rests on Ylitie, Karras and
+    /// Laine (2017), who report 1.9 to 2.1 times the speed of earlier kernels for incoherent rays, and on its nodes
+    /// taking a third of the memory.
     pub const USUAL: Self = Self { trace: Layout::Wide, count: Layout::Two };
 
     /// The layout of kernels for a purpose.
@@ -72,8 +73,8 @@ impl From<Arc<Scene>> for GpuScene {
 }
 
 impl GpuScene {
-    /// Makes the wide tree where a layout asks for it. One that is too deep for the kernels is left out, and the two-wide one
-    /// does all.
+    /// Makes the wide tree where a layout asks for it. One that is too deep for the kernels is left out, and the
+    /// two-wide one does all.
     #[must_use]
     pub fn new(given: Arc<Scene>, layouts: Layouts) -> Self {
         let wanted = layouts.trace == Layout::Wide || layouts.count == Layout::Wide;
@@ -131,9 +132,9 @@ impl GpuScene {
     }
 
     /// The hit of a ray with the triangle at a slot of the device's order.
-    pub(crate) fn finish(&self, offload: &Offload<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
+    pub(crate) fn finish(&self, io: &KernelIo<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
         let given = if self.slots.is_empty() { Some(slot) } else { self.slots.get(slot as usize).copied() };
-        offload.finish(ray, given?)
+        io.finish(ray, given?)
     }
 
     /// Traces a ray on the host, with counts as the device would count.

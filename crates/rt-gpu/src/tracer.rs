@@ -1,10 +1,10 @@
 //! One scene on one graphics card, as the driver sees it.
 
-use crate::maker::Maker;
 use crate::pending::{Answers, Finished, How, Part, Pending, finish};
-use crate::work::Sorter;
-use crate::{Board, GpuScene, IN_FLIGHT, Tally, rays};
-use rt_bvh::offload::Offload;
+use crate::ray_generation::RayGeneration;
+use crate::ray_list::Sorter;
+use crate::{GpuApi, GpuScene, IN_FLIGHT, RayCounters, rays};
+use rt_bvh::kernel_io::KernelIo;
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid, is_disbelieved};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
@@ -19,16 +19,16 @@ use std::time::{Duration, Instant};
 /// The longest a walk may take. The trait gives none; a walk is a sample of a stream, so minutes mean a hang.
 const WALK_LIMIT: Duration = Duration::from_secs(600);
 
-/// A scene resident on a [`Board`].
+/// A scene resident on a [`GpuApi`].
 #[derive(Debug)]
-pub struct GpuTracer<B> {
-    board: B,
+pub struct GpuTracer<A> {
+    api: A,
     scene: GpuScene,
     clock: Clock,
-    tally: Arc<Tally>,
+    counters: Arc<RayCounters>,
     source: RaySource,
     /// Where the device makes the rays.
-    maker: Option<Maker>,
+    generation: Option<RayGeneration>,
     spec: StreamSpec,
     pending: VecDeque<Pending>,
     /// Launches whose results are on the host because a later one was asked for first.
@@ -40,16 +40,16 @@ pub struct GpuTracer<B> {
     places: OnceCell<Vec<u32>>,
 }
 
-impl<B: Board> GpuTracer<B> {
-    /// A tracer of `scene`, whose image is on `board`, that adds to `tally`.
-    pub fn new(board: B, scene: impl Into<GpuScene>, clock: Clock, tally: Arc<Tally>) -> Self {
+impl<A: GpuApi> GpuTracer<A> {
+    /// A tracer of `scene`, whose image is behind `api`, that adds to `counters`.
+    pub fn new(api: A, scene: impl Into<GpuScene>, clock: Clock, counters: Arc<RayCounters>) -> Self {
         Self {
-            board,
+            api,
             scene: scene.into().settled(),
             clock,
-            tally,
+            counters,
             source: no_rays(),
-            maker: None,
+            generation: None,
             spec: StreamSpec::default(),
             pending: VecDeque::new(),
             finished: Vec::new(),
@@ -74,19 +74,20 @@ impl<B: Board> GpuTracer<B> {
     /// Starts a kernel for each window that `rays` has rays of.
     fn start(&mut self, how: How, rays: Sorter) -> Result<Vec<Part>, DeviceError> {
         let mut parts = Vec::new();
-        let size = self.board.window().max(1);
-        for (window, work) in rays.finish(self.board.persistent_lanes()) {
-            let Self { board, scene, source, maker, places, .. } = self;
+        let size = self.api.window().max(1);
+        for (window, list) in rays.finish(self.api.persistent_lanes()) {
+            let Self { api, scene, source, generation, places, .. } = self;
             let places = || &places.get_or_init(|| scene.places())[..];
-            let order = maker.as_ref().and_then(|maker| maker.order(source, &work, window * size, places));
-            let flight = board.start(how.purpose(), window, &work, order.as_ref())?;
-            if let (Some(maker), Some(order)) = (maker, &order) {
-                maker.note(&work);
-                self.tally.add_made(order.count());
-                self.traffic.uploaded += size_of_val(order.words()) as u64;
+            let recipe =
+                generation.as_ref().and_then(|generation| generation.recipe(source, &list, window * size, places));
+            let flight = api.start(how.purpose(), window, &list, recipe.as_ref())?;
+            if let (Some(generation), Some(recipe)) = (generation, &recipe) {
+                generation.note(&list);
+                self.counters.add_made(recipe.count());
+                self.traffic.uploaded += size_of_val(recipe.words()) as u64;
             }
-            self.traffic.uploaded += size_of_val(work.words()) as u64;
-            parts.push(Part { flight, work });
+            self.traffic.uploaded += size_of_val(list.words()) as u64;
+            parts.push(Part { flight, list });
         }
         Ok(parts)
     }
@@ -101,25 +102,25 @@ impl<B: Board> GpuTracer<B> {
     ) -> Result<Duration, DeviceError> {
         let begin = Instant::now();
         let mut in_kernel = Duration::ZERO;
-        for Part { flight, work } in parts {
+        for Part { flight, list } in parts {
             let mut finished = Finished::default();
-            let Self { board, scene, source, traffic, .. } = self;
+            let Self { api, scene, source, traffic, .. } = self;
             let left = limit.saturating_sub(begin.elapsed());
-            board.wait(*flight, left, &mut |answer| {
+            api.wait(*flight, left, &mut |answer| {
                 traffic.downloaded += (size_of_val(answer.found) + size_of_val(answer.counts)) as u64;
-                finished = finish(scene, source, how, work, &answer, &mut answers);
+                finished = finish(scene, source, how, list, &answer, &mut answers);
             })?;
             if let (Some((ray, slot)), true) =
-                (finished.first_refused, is_disbelieved(work.items() as u64, finished.refused as u64))
+                (finished.first_refused, is_disbelieved(list.items() as u64, finished.refused as u64))
             {
-                let (api, refused, all) = (board.api(), finished.refused, work.items());
+                let (api, refused, all) = (api.name(), finished.refused, list.items());
                 let what = format!(
                     "{refused} of {all} answers of the {api} device are none, such as triangle {slot} for ray {ray}"
                 );
                 return Err(DeviceError::new(DeviceErrorKind::WrongAnswer, what));
             }
             self.traffic.refused += finished.refused as u64;
-            self.tally.add(work.items(), finished.on_host);
+            self.counters.add(list.items(), finished.on_host);
             self.traffic.on_host += finished.on_host as u64;
             in_kernel += finished.in_kernel;
         }
@@ -164,31 +165,31 @@ fn how_to(walk: Walk, spec: StreamSpec) -> Result<How, DeviceError> {
     }
 }
 
-impl<B: Board> Tracer for GpuTracer<B> {
+impl<A: GpuApi> Tracer for GpuTracer<A> {
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
         if !self.pending.is_empty() {
             return;
         }
         let _ = match source {
-            RaySource::Camera(_) => self.board.makes(Purpose::Camera),
-            RaySource::Bounce(_) => self.board.makes(Purpose::Bounce),
+            RaySource::Camera(_) => self.api.makes(Purpose::Camera),
+            RaySource::Bounce(_) => self.api.makes(Purpose::Bounce),
             RaySource::Explicit { .. } => false,
         };
         let walk = walk.and_then(|walk| how_to(walk, spec).ok());
         for how in [Some(How::Trace(spec)), walk].into_iter().flatten() {
             // Whoever uses the kernel is told what is wrong.
-            let _ = self.board.warm_up(how.purpose());
+            let _ = self.api.warm_up(how.purpose());
         }
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
-        (self.source, self.maker) = (no_rays(), None);
-        self.board.reserve_rays(source.len())?;
-        let offload = Offload::new(self.scene.given());
-        self.maker = Maker::new(&mut self.board, &offload, &source);
-        if self.maker.is_none() {
-            self.traffic.uploaded += rays::prepare(&mut self.board, &offload, &source)?;
+        (self.source, self.generation) = (no_rays(), None);
+        self.api.reserve_rays(source.len())?;
+        let io = KernelIo::new(self.scene.given());
+        self.generation = RayGeneration::new(&mut self.api, &io, &source);
+        if self.generation.is_none() {
+            self.traffic.uploaded += rays::prepare(&mut self.api, &io, &source)?;
         }
         (self.source, self.spec) = (source, spec);
         Ok(())
@@ -204,7 +205,7 @@ impl<B: Board> Tracer for GpuTracer<B> {
         check_walk(rays, counts, hits.as_deref(), self.source.len())?;
         let how = how_to(walk, self.spec)?;
         let start = (self.clock)();
-        let mut sorter = Sorter::new(self.board.window());
+        let mut sorter = Sorter::new(self.api.window());
         sorter.rays(rays);
         let parts = self.start(how, sorter)?;
         let hits = hits.unwrap_or_default();
@@ -216,7 +217,7 @@ impl<B: Board> Tracer for GpuTracer<B> {
         check_submit(tasks, self.source.len(), self.open(), IN_FLIGHT)?;
         let start = (self.clock)();
         let total: usize = tasks.iter().map(|task| task.rays as usize).sum();
-        let mut sorter = Sorter::new(self.board.window());
+        let mut sorter = Sorter::new(self.api.window());
         sorter.tasks(tasks, done.map(|mask| &**mask));
         let parts = self.start(How::Trace(self.spec), sorter)?;
         let ticket = Ticket(self.next_ticket);

@@ -1,7 +1,7 @@
 //! Whether a device makes the rays that the host makes: found out when the first are wanted, once.
 
 use crate::bounce;
-use rt_bvh::offload::KernelRay;
+use rt_bvh::kernel_io::KernelRay;
 use rt_core::DeviceError;
 use rt_shaders::Purpose;
 use std::sync::OnceLock;
@@ -14,8 +14,8 @@ pub struct Trials {
 }
 
 impl Trials {
-    /// Whether the kernel for `purpose` makes rays, those of the host. `camera` and `bounces` are asked at most once, for
-    /// what [`crate::camera::fault`] and [`crate::bounce::fault`] find.
+    /// Whether the kernel for `purpose` makes rays, those of the host. `camera` and `bounces` are asked at most once,
+    /// for what [`crate::camera::fault`] and [`crate::bounce::fault`] find.
     pub fn passed(
         &self,
         purpose: Purpose,
@@ -31,8 +31,8 @@ impl Trials {
     }
 }
 
-/// The first ray that is neither the `expected` one nor left to the host, in words, or that more than the share `left_out` are
-/// left; `None` if the device passes. `whence` says where a ray comes from.
+/// The first ray that is neither the `expected` one nor left to the host, in words, or that more than the share
+/// `left_out` are left; `None` if the device passes. `whence` says where a ray comes from.
 pub(crate) fn first_fault(
     expected: &[KernelRay],
     made: &[KernelRay],

@@ -4,8 +4,8 @@
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tuning {
     /// Lanes of each launch, which take one ray after the other until none is left: persistent threads (T. Aila and S.
-    /// Laine, *Understanding the Efficiency of Ray Traversal on GPUs*, HPG 2009). Best a multiple of 64, and as many as the
-    /// device runs at once. `None`, the default: a lane for each ray.
+    /// Laine, *Understanding the Efficiency of Ray Traversal on GPUs*, HPG 2009). Best a multiple of 64, and as many as
+    /// the device runs at once. `None`, the default: a lane for each ray.
     pub persistent_lanes: Option<u32>,
     /// The most rays in one buffer, fewer than the device would bind at once; for tests. `None`: as many as it binds.
     pub window: Option<u32>,

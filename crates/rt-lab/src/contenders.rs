@@ -71,11 +71,10 @@ impl Contender {
     /// A new estimator; `asked` is the one that the experiment is about.
     #[must_use]
     pub fn estimator(&self, asked: &Estimator) -> Box<dyn CostEstimator> {
-        let known = |name| find(ESTIMATORS, name).expect("contenders name estimators of the catalogue").usual();
         match self.estimate {
-            Estimate::None => known("uniform").make(),
+            Estimate::None => uninformed(),
             Estimate::Asked => asked.make(),
-            Estimate::By(name) => known(name).make(),
+            Estimate::By(name) => known(name),
         }
     }
 
@@ -91,6 +90,16 @@ impl Contender {
         let (estimator, policy) = (self.estimator(asked), self.policy());
         Scheduling { estimator, policy, queue: Box::new(self.queue), ..Scheduling::default() }
     }
+}
+
+/// The estimator that knows nothing: of plain traces, and of what estimates must beat.
+#[must_use]
+pub fn uninformed() -> Box<dyn CostEstimator> {
+    known("uniform")
+}
+
+fn known(name: &str) -> Box<dyn CostEstimator> {
+    find(ESTIMATORS, name).expect("experiments name estimators of the catalogue").usual().make()
 }
 
 /// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.

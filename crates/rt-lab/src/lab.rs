@@ -4,6 +4,7 @@ use anyhow::{Context, Result, bail};
 use rt_balance::Control;
 use rt_balance::devices::Opener;
 use rt_core::Device;
+use rt_report::output::Outputs;
 use rt_scene::prepare::Prepared;
 use std::fmt;
 use std::io;
@@ -33,14 +34,34 @@ pub trait Show {
 #[derive(Clone, Copy)]
 pub struct Lab<'a> {
     /// Loads or generates a scene and builds its tree.
-    pub scenes: &'a dyn Fn(&Path) -> Result<Prepared>,
+    scenes: &'a dyn Fn(&Path) -> Result<Prepared>,
     /// Set (from any thread) to stop soon.
     pub stop: &'a AtomicBool,
     /// Shows progress and results.
     pub show: &'a dyn Show,
+    /// What the experiment writes, once it is known.
+    outputs: Option<&'a Outputs>,
 }
 
 impl<'a> Lab<'a> {
+    /// A lab from its parts.
+    #[must_use]
+    pub const fn new(scenes: &'a dyn Fn(&Path) -> Result<Prepared>, stop: &'a AtomicBool, show: &'a dyn Show) -> Self {
+        Self { scenes, stop, show, outputs: None }
+    }
+
+    /// The same for an experiment that writes these files.
+    pub(crate) const fn writing(self, outputs: &'a Outputs) -> Self {
+        Self { outputs: Some(outputs), ..self }
+    }
+
+    /// Loads or generates a scene and builds its tree. Files that turn out to belong to it must not be overwritten.
+    pub(crate) fn prepare(&self, scene: &Path) -> Result<Prepared> {
+        let prepared = (self.scenes)(scene)?;
+        self.outputs.map_or(Ok(()), |outputs| outputs.spare_materials(&prepared.libraries))?;
+        Ok(prepared)
+    }
+
     /// What stops a stream.
     pub(crate) const fn control(&self) -> Control<'a> {
         Control { cancel: Some(self.stop), progress: None }

@@ -5,30 +5,32 @@
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
 //! | [`contenders`] | the ways to schedule that experiments compare |
+//! | [`arguments`] | values on the command lines of programs that run experiments |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
-//! Programs: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong they are), `coverage` (how often
-//! their intervals hold).
+//! Programs, each with `--help`: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong
+//! they are),
+//! `coverage` (how often their intervals hold). `cargo run --release -p rt-lab --bin compare -- yard` runs one.
 //!
-//! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So nothing
-//! here knows a command line or a terminal.
+//! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So
+//! nothing here knows a command line or a terminal.
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr)]
 
+pub mod arguments;
 pub mod bench;
 pub mod contenders;
 pub mod figure1;
 mod lab;
-mod stretch;
 mod subject;
+mod time_budget;
 pub mod tradeoff;
 
 pub use lab::{Lab, Show};
 
 use rt_bvh::{Builder, PlocQuality};
 
-/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose trees are
-/// a little better outdoors (`cargo run --release -p rt-benches --bin traversal -- SCENE --builder NAME`).
+/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose
+/// trees are a little better outdoors (`cargo run --release -p rt-benches --bin peers -- SCENE --builder NAME`).
 pub const DEFAULT_BUILDER: Builder = Builder::Ploc(PlocQuality::Medium);
 
 /// What is measured where no scene is named.

@@ -23,13 +23,14 @@ pub(crate) struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// Loads the scene and brings it to the devices.
     pub(crate) fn open(lab: Lab<'a>, scene: &Path, devices: &[Arc<dyn Device>]) -> Result<Self> {
-        let prepared = (lab.scenes)(scene)?;
+        let prepared = lab.prepare(scene)?;
         let scene = Arc::clone(&prepared.built.scene);
         let balancer = Balancer::open(scene, devices, &Limits::default(), lab.control())?;
         Ok(Self { lab, balancer, prepared, hits: Vec::new() })
     }
 
-    /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent case.
+    /// The camera's rays, one for each pixel, and the diffuse rays from their hits: the coherent and the incoherent
+    /// case.
     pub(crate) fn streams(&mut self, size: [u32; 2], seed: u32) -> Result<[Stream; 2]> {
         let paths = self.prepared.paths(&self.prepared.view(), size, seed).context("the scene's camera")?;
         let precision = self.prepared.precision;

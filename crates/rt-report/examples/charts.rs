@@ -1,12 +1,16 @@
-//! Writes every kind of chart and picture from made-up data, to look at them: `cargo run -p rt-report --example charts`.
+//! Writes every kind of chart and picture from made-up data, to look at them:
+//! `cargo run -p rt-report --example charts`.
 
 use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
 use rt_core::{StreamKind, Task};
+use rt_report::Provenance;
 use rt_report::chart::{cost, timeline, trace};
+use rt_report::print::Stdout;
+use std::io::Write;
 use std::path::Path;
 
-fn main() -> anyhow::Result<()> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = std::env::args().nth(1).unwrap_or_else(|| "out/charts".to_owned());
     let folder = Path::new(&folder);
     let runs = [
@@ -15,13 +19,14 @@ fn main() -> anyhow::Result<()> {
         with_lost_device(stream(StreamKind::Diffuse(0), 0.95, &[1.0, 2.0, 4.0], 40)),
         stream(StreamKind::Diffuse(1), 1.5, &[1.0; 64], 6),
     ];
-    timeline::write_svg(&folder.join("timeline.svg"), &runs)?;
-    trace::write_json(&folder.join("trace.json"), &runs)?;
+    let provenance = Provenance::now(None, ["virtual"]);
+    timeline::write_svg(&folder.join("timeline.svg"), &runs, &provenance)?;
+    trace::write_json(&folder.join("trace.json"), &runs, &provenance)?;
     costs(&folder.join("cost-tasks.png"), 640, 400, 64)?;
     costs(&folder.join("cost-large.png"), 1920, 1080, 8)?;
     costs(&folder.join("cost-small.png"), 64, 96, 16)?;
     spheres(&folder.join("image.png"))?;
-    println!("written to {}", folder.display());
+    writeln!(Stdout, "written to {}", folder.display())?;
     Ok(())
 }
 
@@ -121,7 +126,7 @@ fn with_lost_device(mut run: StreamRun) -> StreamRun {
 }
 
 /// A smooth cost with a few expensive places, in square tasks.
-fn costs(path: &Path, width: u32, height: u32, side: u32) -> anyhow::Result<()> {
+fn costs(path: &Path, width: u32, height: u32, side: u32) -> Result<(), Box<dyn std::error::Error>> {
     let mut pixels = Vec::new();
     let mut tasks = Vec::new();
     let (mut estimated, mut measured) = (Vec::new(), Vec::new());
@@ -145,11 +150,11 @@ fn costs(path: &Path, width: u32, height: u32, side: u32) -> anyhow::Result<()> 
     }
     let mut map = cost::CostMap::new([width, height], 1);
     map.add_wave(&pixels, &tasks, &estimated, &measured);
-    map.write_png(path)
+    Ok(map.write_png(path)?)
 }
 
 /// Coloured discs from dark to far too bright: highlights must fade to white without turning another colour.
-fn spheres(path: &Path) -> anyhow::Result<()> {
+fn spheres(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
     let (width, height) = (640_usize, 320_usize);
     let colors = [Vec3::new(0.9, 0.1, 0.05), Vec3::new(0.1, 0.7, 0.2), Vec3::new(0.1, 0.2, 0.9), Vec3::ONE];
     let mut image = Vec::new();
@@ -161,5 +166,5 @@ fn spheres(path: &Path) -> anyhow::Result<()> {
             image.push(colors[row] * inside * 2.0_f32.powi(column as i32 - 3));
         }
     }
-    rt_report::image::write_png(path, [width as u32, height as u32], &image, 1.0)
+    Ok(rt_report::image::write_png(path, [width as u32, height as u32], &image, 1.0)?)
 }

@@ -1,10 +1,12 @@
 //! Pictures from linear radiance.
 
+use crate::ReportError;
 use crate::output::write_atomically;
-use anyhow::{Result, ensure};
 use glam::Vec3;
+use png::EncodingError;
 use rayon::prelude::*;
-use std::io::Write;
+use std::fs::{self, File};
+use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 /// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
@@ -12,14 +14,17 @@ const BLOCK: usize = 1 << 18;
 
 /// Writes linear radiance (Rec. 709 primaries, row by row from the upper left), times `exposure`, as an 8-bit sRGB PNG.
 ///
-/// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8 keeps its colour; what is brighter is compressed towards white. Values that are negative
-/// or not numbers become black, infinite ones white.
+/// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8
+/// keeps its colour; what is brighter is compressed towards white. Values that are negative or not numbers become
+/// black, infinite ones white.
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<()> {
+pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<(), ReportError> {
     let pixels = u64::from(width) * u64::from(height);
-    ensure!(radiance.len() as u64 == pixels, "{} radiances for a picture of {width} × {height}", radiance.len());
+    if radiance.len() as u64 != pixels {
+        return Err(ReportError::Pixels { size: [width, height], found: radiance.len() });
+    }
     write(path, [width, height], |out| {
         let mut bytes: Vec<[u8; 3]> = Vec::new();
         for block in radiance.chunks(BLOCK) {
@@ -31,23 +36,88 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
 }
 
 /// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
-pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<()> {
-    write(path, [width, height], |out| Ok(out.write_all(bytes)?))
+pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<(), ReportError> {
+    write(path, [width, height], |out| out.write_all(bytes))
 }
 
 /// Writes a PNG whose pixels `pixels` writes, three bytes each.
-fn write(path: &Path, [width, height]: [u32; 2], pixels: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
-    write_atomically(path, |out| {
-        let mut encoder = png::Encoder::new(out, width, height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-        let mut writer = encoder.write_header()?;
-        let mut stream = writer.stream_writer()?;
-        pixels(&mut stream)?;
-        stream.finish()?;
-        Ok(writer.finish()?)
-    })
+fn write(
+    path: &Path,
+    size: [u32; 2],
+    pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), ReportError> {
+    write_atomically(path, |out| encode_png(out, size, pixels))
+}
+
+fn encode_png(
+    out: impl Write,
+    [width, height]: [u32; 2],
+    pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut encoder = png::Encoder::new(out, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    let mut writer = encoder.write_header().map_err(unwrapped)?;
+    let mut stream = writer.stream_writer().map_err(unwrapped)?;
+    pixels(&mut stream)?;
+    stream.finish().map_err(unwrapped)?;
+    writer.finish().map_err(unwrapped)
+}
+
+/// A picture's file as a page has it.
+pub(crate) struct Preview {
+    pub(crate) png: Vec<u8>,
+    /// How many pixels of the picture, in a row and in a column, became one; 1 for the file as it is.
+    pub(crate) one_in: u32,
+}
+
+/// A PNG of at most `most` pixels (more by what rounding up adds) from one that [`write_png`] wrote: the file itself,
+/// or each square of its pixels as their mean. Takes no memory that grows with the picture.
+pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview, ReportError> {
+    scaled(path, most).map_err(|source| ReportError::read(path, source))
+}
+
+fn scaled(path: &Path, most: u32) -> io::Result<Preview> {
+    let file = File::open(path)?;
+    let mut reader = png::Decoder::new(BufReader::new(file)).read_info()?;
+    let (width, height) = (reader.info().width, reader.info().height);
+    if reader.output_color_type() != (png::ColorType::Rgb, png::BitDepth::Eight) {
+        return Err(io::Error::other("its pixels are not those of this program"));
+    }
+    let pixels = f64::from(width) * f64::from(height);
+    let one_in = (pixels / f64::from(most)).sqrt().ceil().max(1.0) as u32;
+    if one_in == 1 {
+        return Ok(Preview { png: fs::read(path)?, one_in });
+    }
+    let [columns, rows] = [width, height].map(|side| side.div_ceil(one_in));
+    let mut png = Vec::new();
+    encode_png(&mut png, [columns, rows], |out| {
+        for row in 0..rows {
+            let mut sums = vec![(Vec3::ZERO, 0.0); columns as usize];
+            for _ in 0..one_in.min(height - row * one_in) {
+                let line = reader.next_row()?.ok_or(io::ErrorKind::UnexpectedEof)?;
+                for (pixel, column) in line.data().as_chunks::<3>().0.iter().zip(0..) {
+                    let (sum, count) = &mut sums[(column / one_in) as usize];
+                    *sum += Vec3::from(pixel.map(|channel| linear(f32::from(channel) / 255.0)));
+                    *count += 1.0;
+                }
+            }
+            for (sum, count) in sums {
+                out.write_all(&(sum / count).to_array().map(|channel| (srgb(channel) * 255.0).round() as u8))?;
+            }
+        }
+        Ok(())
+    })?;
+    Ok(Preview { png, one_in })
+}
+
+/// The error of whoever was written to, as it was: callers look at its kind.
+fn unwrapped(error: EncodingError) -> io::Error {
+    match error {
+        EncodingError::IoError(error) => error,
+        error => io::Error::other(error),
+    }
 }
 
 /// Tone-mapped and encoded as 8-bit sRGB.
@@ -80,6 +150,11 @@ fn tone_map(color: Vec3) -> Vec3 {
 /// The sRGB transfer function (IEC 61966-2-1, 1999), of a value in `[0, 1]`.
 fn srgb(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Back from the sRGB transfer function.
+fn linear(srgb: f32) -> f32 {
+    if srgb <= 0.040_45 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
 }
 
 #[cfg(test)]
@@ -117,5 +192,29 @@ mod tests {
         assert_eq!(pixels[..3], [0; 3]);
         assert!(pixels[3..].iter().all(|&channel| channel > 250));
         assert!(write_png(&path, [2, 2], &[Vec3::ZERO], 1.0).is_err());
+    }
+
+    /// Mutants: means of what is encoded; the last row or column, of fewer pixels, lost or darkened; a small picture
+    /// scaled.
+    #[test]
+    fn a_preview_is_the_mean_of_squares() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("image.png");
+        // Black and white in turn, and one white pixel beyond the whole squares.
+        let bytes: Vec<u8> =
+            (0..5 * 3).flat_map(|i| [if i % 5 == 4 || (i + i / 5) % 2 == 0 { 255 } else { 0 }; 3]).collect();
+        write_rgb(&path, 5, 3, &bytes).unwrap();
+        let whole = preview(&path, 15).unwrap();
+        assert_eq!((whole.one_in, whole.png), (1, fs::read(&path).unwrap()));
+        let half = preview(&path, 6).unwrap();
+        assert_eq!(half.one_in, 2);
+        let mut reader = png::Decoder::new(std::io::Cursor::new(half.png)).read_info().unwrap();
+        let mut pixels = [0; 18];
+        let info = reader.next_frame(&mut pixels).unwrap();
+        assert_eq!((info.width, info.height), (3, 2));
+        // Half the light is not half of 255 in sRGB.
+        assert!(pixels[0].abs_diff(188) <= 1 && pixels[3].abs_diff(188) <= 1, "{pixels:?}");
+        assert_eq!([pixels[6], pixels[15]], [255; 2], "{pixels:?}");
+        assert!((0..256).all(|i| (srgb(linear(i as f32 / 255.0)) * 255.0).round() as i32 == i));
     }
 }

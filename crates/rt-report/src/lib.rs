@@ -3,16 +3,21 @@
 //! Nothing here measures or decides: it is handed [`StreamRun`](rt_balance::report::StreamRun)s and numbers, and writes
 //! files that are there in full or not at all ([`output`]).
 #![forbid(unsafe_code)]
-#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 pub mod chart;
+mod error;
+pub mod exit;
 pub mod html;
 pub mod image;
 mod machine;
+pub mod npy;
 pub mod output;
 pub mod print;
+mod provenance;
 pub mod report;
 pub mod table;
 pub mod usage;
 
-pub use machine::{Machine, command_line, command_words};
+pub use error::ReportError;
+pub use machine::Machine;
+pub use provenance::Provenance;

@@ -9,7 +9,7 @@ use std::fmt;
 pub struct Machine {
     /// The processor's own name; empty where the system does not tell.
     pub processor: String,
-    /// Cores that this process may use.
+    /// Hardware threads that this process may use.
     pub cores: usize,
     /// Operating system and instruction set.
     pub system: String,
@@ -40,27 +40,11 @@ impl Machine {
 impl fmt::Display for Machine {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let processor = if self.processor.is_empty() { "unnamed processor" } else { &self.processor };
-        let cores = if self.cores == 1 { "core" } else { "cores" };
+        let threads = if self.cores == 1 { "thread" } else { "threads" };
         write!(
             f,
-            "{processor}, {} {cores}, {}, raybalance {} ({} build)",
+            "{processor}, {} {threads}, {}, raybalance {} ({} build)",
             self.cores, self.system, self.version, self.build
         )
     }
-}
-
-/// The words of the command line after the program's name; where they are no text, as near to it as can be shown.
-#[must_use]
-pub fn command_words() -> Vec<String> {
-    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect()
-}
-
-/// The command line as one would type it.
-#[must_use]
-pub fn command_line() -> String {
-    let words = command_words().into_iter().map(|word| {
-        let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
-        if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
-    });
-    std::iter::once("raybalance".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
 }

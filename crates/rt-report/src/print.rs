@@ -1,6 +1,7 @@
 //! Standard output and standard error, which may be closed or full like any other file.
 //!
-//! The macros of the standard library panic then.
+//! The macros of the standard library panic then, so lints forbid them outside tests: every program prints through this
+//! module and ends by [`exit`](crate::exit).
 
 use std::error::Error;
 use std::fmt::{self, Display};
@@ -33,8 +34,7 @@ impl StdoutError {
     /// The failure of standard output that is behind an error, if one is.
     #[must_use]
     pub fn of<'a>(error: &'a (dyn Error + 'static)) -> Option<&'a Self> {
-        let mut causes = std::iter::successors(Some(error), |&cause| cause.source());
-        causes.find_map(|cause| cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref())
+        causes(error).find_map(|cause| cause.downcast_ref::<io::Error>()?.get_ref()?.downcast_ref())
     }
 
     /// Whether whoever read it has gone, as `head` does: nothing that people need to be told.
@@ -56,6 +56,11 @@ impl Error for StdoutError {
     }
 }
 
+/// An error, and what is behind it.
+pub(crate) fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |&cause| cause.source())
+}
+
 /// Prints a line for people on standard error. Where nobody can read it, it is lost.
 pub fn note(line: impl Display) {
     let _ = writeln!(io::stderr(), "{line}");
@@ -64,14 +69,15 @@ pub fn note(line: impl Display) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use anyhow::Context;
+    use crate::ReportError;
+    use std::path::Path;
 
     // Mutants: only the outermost error is looked at; the kind is lost.
     #[test]
     fn a_failure_of_standard_output_is_found_behind_other_errors() {
-        let closed: io::Result<()> = Err(StdoutError::wrap(io::ErrorKind::BrokenPipe.into()));
-        let error = closed.context("cannot write `/dev/stdout`").unwrap_err();
-        assert!(StdoutError::of(&*error).unwrap().is_closed());
+        let closed = StdoutError::wrap(io::ErrorKind::BrokenPipe.into());
+        let error = ReportError::write(Path::new("/dev/stdout"), closed);
+        assert!(StdoutError::of(&error).unwrap().is_closed());
         let full = StdoutError::wrap(io::ErrorKind::StorageFull.into());
         assert_eq!(full.kind(), io::ErrorKind::StorageFull);
         assert!(!StdoutError::of(&full).unwrap().is_closed());

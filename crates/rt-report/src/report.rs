@@ -1,21 +1,20 @@
-//! `report.json`, schema 1 (described in docs/report.md).
+//! `report.json`, schema 2 (described in docs/report.md).
 
+use crate::Provenance;
 use rt_balance::report::StreamReport;
 use rt_scene::scan::Plan;
 use serde::Serialize;
 
 /// The version of the layout; it changes when a field changes its meaning or goes away.
-pub const SCHEMA: u32 = 1;
+pub const SCHEMA: u32 = 2;
 
 /// Everything one run of `render` or `trace` tells.
 #[derive(Debug, Serialize)]
 pub struct Report {
     /// Version of the layout: [`SCHEMA`].
     pub schema: u32,
-    /// Version of raybalance.
-    pub version: &'static str,
-    /// The command line, program name left out.
-    pub command: Vec<String>,
+    /// Where it comes from.
+    pub provenance: Provenance,
     /// The scene that was traced.
     pub scene: SceneReport,
     /// Name of the queue.

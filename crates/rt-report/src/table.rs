@@ -174,7 +174,7 @@ pub(crate) fn longest(runs: &[StreamRun], most: usize) -> Vec<&StreamRun> {
 #[must_use]
 pub fn device_table(runs: &[StreamRun]) -> Table {
     let mut table =
-        Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host", "fit"]);
+        Table::new(&["device", "busy", "share", "in kernels", "launches", "tasks", "rays", "on host", "model error"]);
     let count = runs.first().map_or(0, |run| run.report.devices.len());
     let total: f64 = runs.iter().flat_map(|run| &run.report.devices).map(|device| device.busy_s).sum();
     for index in 0..count {

@@ -12,7 +12,8 @@ pub(crate) const OUTLIERS: f64 = 0.01;
 /// the whole model still fills a good part of a picture.
 const FAR_LARGER: f64 = 4.0;
 
-/// Triangles that are looked at for where most of a model is: more are not needed for percentiles, and would need much memory.
+/// Triangles that are looked at for where most of a model is: more are not needed for percentiles, and would need much
+/// memory.
 const SAMPLE: usize = 1 << 20;
 
 /// Smallest and largest corner of all finite triangles, or of the triangles between the outliers where these make the

@@ -16,8 +16,8 @@ pub struct Model {
     pub palette: Vec<Vec3>,
     /// Index into the palette for each triangle; empty when all use colour 0.
     pub colour_of: Vec<u16>,
-    /// What is added to [`Model::positions`] for the coordinates of the file: 0 but where single precision could not hold
-    /// those.
+    /// What is added to [`Model::positions`] for the coordinates of the file: 0 but where single precision could not
+    /// hold those.
     pub offset: DVec3,
     /// The view that shows the model well, where one is known.
     pub view: Option<View>,

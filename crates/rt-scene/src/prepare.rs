@@ -1,6 +1,7 @@
 //! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
 
 use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch, load_obj};
+use crate::progress::{LoadStage, Meter};
 use crate::scan::{Plan, Scan};
 use crate::streams::{Paths, Sun};
 use crate::{Model, View, builtin, scenes, view};
@@ -10,7 +11,7 @@ use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
 use std::error::Error;
 use std::fmt;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -26,7 +27,8 @@ pub struct Options {
 }
 
 impl Options {
-    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the precision.
+    /// A tree by `builder`; files with triangles that are not finite are refused, and the scan decides on the
+    /// precision.
     #[must_use]
     pub const fn new(builder: Builder) -> Self {
         Self { builder, invalid: InvalidTriangles::Refuse, precision: None }
@@ -60,6 +62,8 @@ pub struct Prepared {
     pub warnings: Vec<String>,
     /// What was done with its numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read for it.
+    pub libraries: Vec<PathBuf>,
     /// Seconds of loading or generating, and of the scan.
     pub load_s: f64,
     /// Seconds of building the tree.
@@ -67,8 +71,8 @@ pub struct Prepared {
 }
 
 impl Prepared {
-    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from outside, or
-    /// from inside where it is a room. Pictures and measurements have the same.
+    /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from
+    /// outside, or from inside where it is a room. Pictures and measurements have the same.
     #[must_use]
     pub fn view(&self) -> View {
         let scene: &Scene = &self.built.scene;
@@ -96,27 +100,46 @@ impl Prepared {
     }
 }
 
-/// Loads or generates the scene, scans it and builds its tree; `watch` is told how far a file is loaded.
+/// Loads or generates the scene, scans it and builds its tree; `watch` is told how far that is.
 ///
 /// # Errors
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
 pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
-    let Named { name, model, warnings, notes } = load(scene, options.invalid, watch)?;
+    let Named { name, model, warnings, notes, libraries } = load(scene, options.invalid, watch)?;
     let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
     let mut plan = Plan::new(&scan);
     let load_s = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
-    let built = rt_bvh::build(mesh, &options.build())
-        .map_err(|source| PrepareError::Build { scene: model.source.clone(), source })?;
+    let stopped = || PrepareError::Load(Fault::Stopped.of(&model.source));
+    let mut meter = Meter::begin(LoadStage::Building, mesh.indices.len() as u64, watch).map_err(|_| stopped())?;
+    let built = rt_bvh::build_with(mesh, &options.build(), &mut |placed, _| meter.at(placed.into()).is_ok()).map_err(
+        |source| match source {
+            BuildError::Cancelled => stopped(),
+            source => PrepareError::Build { scene: model.source.clone(), source },
+        },
+    )?;
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);
     let listed = view::listed(scene, &model);
-    Ok(Prepared { name, model, built, plan, precision, listed, options: *options, warnings, notes, load_s, build_s })
+    Ok(Prepared {
+        name,
+        model,
+        built,
+        plan,
+        precision,
+        listed,
+        options: *options,
+        warnings,
+        notes,
+        libraries,
+        load_s,
+        build_s,
+    })
 }
 
 /// A scene's triangles, and what it is called.
@@ -130,6 +153,8 @@ pub struct Named {
     pub warnings: Vec<String>,
     /// What was done with its numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read for it.
+    pub libraries: Vec<PathBuf>,
 }
 
 /// Generates the built-in scene called `name`, if there is one.
@@ -171,12 +196,13 @@ pub fn check(scene: &Path) -> Result<(), PrepareError> {
 pub fn load(scene: &Path, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> Result<Named, PrepareError> {
     let name = short_name(scene);
     if let Some(model) = scene.to_str().and_then(generate) {
-        return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new() });
+        return Ok(Named { name, model, warnings: Vec::new(), notes: Vec::new(), libraries: Vec::new() });
     }
     check(scene)?;
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
-    let Loaded { model, warnings, notes, .. } = load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
-    Ok(Named { name, model, warnings, notes })
+    let Loaded { model, warnings, notes, libraries, .. } =
+        load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
+    Ok(Named { name, model, warnings, notes, libraries })
 }
 
 /// Why a scene cannot be traced.
@@ -225,7 +251,8 @@ impl Error for PrepareError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::progress::unwatched;
+    use crate::progress::{LoadProgress, unwatched};
+    use std::ops::ControlFlow;
 
     fn prepared(scene: &str) -> Result<Prepared, PrepareError> {
         prepare(Path::new(scene), &Options::new(Builder::Sah), &mut unwatched)
@@ -241,6 +268,24 @@ mod tests {
         assert_eq!(prepare(Path::new("car"), &fast, &mut unwatched).unwrap().precision, Precision::Fast);
         assert!(prepared("cat").unwrap_err().to_string().contains("built-in are: yard, car"));
         assert!(prepared("missing.obj").unwrap_err().to_string().contains("missing.obj"));
+    }
+
+    /// Mutants: building that does not tell, that does not stop, or whose stop reads like a fault of the mesh.
+    #[test]
+    fn building_tells_how_far_it_is_and_stops() {
+        for &builder in Builder::ALL {
+            let mut told = Vec::new();
+            let mut watch = |at: LoadProgress| {
+                if at.stage == LoadStage::Building {
+                    told.push((at.done, at.total));
+                }
+                if told.len() < 3 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            };
+            let stopped = prepare(Path::new("yard"), &Options::new(builder), &mut watch);
+            assert!(matches!(stopped, Err(PrepareError::Load(LoadError { fault: Fault::Stopped, .. }))), "{builder}");
+            assert_eq!((told.len(), told[0].0), (3, 0), "{builder}");
+            assert!(told.is_sorted() && told[2].0 <= told[2].1, "{builder}: {told:?}");
+        }
     }
 
     #[test]

@@ -13,7 +13,7 @@ pub struct LoadProgress {
     pub total: u64,
 }
 
-/// The stages of loading, in order.
+/// The stages of loading and building, in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LoadStage {
     /// Reading the file into memory, in bytes.
@@ -24,6 +24,8 @@ pub enum LoadStage {
     Placing,
     /// Looking at the numbers of the model ([`crate::scan`]), in triangles.
     Scanning,
+    /// Building the tree, in triangles that are in their place.
+    Building,
 }
 
 impl LoadStage {
@@ -32,6 +34,7 @@ impl LoadStage {
         match self {
             Self::Reading | Self::Parsing => 1 << 20,
             Self::Placing | Self::Scanning => 1 << 16,
+            Self::Building => 1 << 13,
         }
     }
 }

@@ -104,8 +104,8 @@ pub fn listed(path: &Path, model: &Model) -> Option<View> {
     table.lines().find_map(|row| from_row(row, file, model))
 }
 
-/// The view of `model` in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field of
-/// view in degrees, separated by tabs, and coordinates, which are those of the file, by blanks.
+/// The view of `model` in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field
+/// of view in degrees, separated by tabs, and coordinates, which are those of the file, by blanks.
 #[must_use]
 pub fn from_row(row: &str, file: &str, model: &Model) -> Option<View> {
     let fields: Vec<&str> = row.split('\t').collect();
@@ -234,7 +234,8 @@ mod tests {
             prop_assert!(auto_view(&model).camera().is_ok(), "{:?}", auto_view(&model));
         }
 
-        /// Guards: distance to the target and height along the axis stay. Fails when the eye is turned about the origin.
+        /// Guards: distance to the target and height along the axis stay. Fails when the eye is turned about the
+        /// origin.
         #[test]
         fn orbits_keep_distance_and_height(eye in vertex(), target in vertex(), angle in -10.0..10.0_f32) {
             let view = View { eye, target, up: Vec3::new(0.0, 2.0, 0.0), fov_degrees: 30.0 };

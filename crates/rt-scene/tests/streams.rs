@@ -231,8 +231,8 @@ proptest! {
         }
     }
 
-    /// Guards: a ray depends on its path alone, not on which others are there. Fails when random numbers are those of the
-    /// ray's place in the list of hits or rays.
+    /// Guards: a ray depends on its path alone, not on which others are there. Fails when random numbers are those of
+    /// the ray's place in the list of hits or rays.
     #[test]
     fn a_ray_is_the_same_without_the_others(
         lost in prop::collection::vec(any::<bool>(), 400), samples in 1..5_u32, first_group in any::<u32>(), bounce in 0..9_u32,
@@ -303,7 +303,8 @@ fn every_bounce_group_and_purpose_has_its_own_numbers() {
     assert_eq!(distinct.len(), all.len());
 }
 
-/// The rays of a picture of the garden, by kind, traced in waves of about `memory` bytes; each with its number on the Z-curve.
+/// The rays of a picture of the garden, by kind, traced in waves of about `memory` bytes; each with its number on the
+/// Z-curve.
 fn rays_of_a_picture(memory: u64) -> Vec<Vec<(u64, Ray, u32)>> {
     let size = [37, 20];
     let model = builtin::yard();

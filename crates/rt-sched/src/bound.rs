@@ -9,18 +9,19 @@ use alloc::vec::Vec;
 /// Least makespan of tasks of the given costs on devices of the given speeds (cost per second).
 ///
 /// The greatest of three bounds. *Work*: `m` devices do at most `Σ speeds` per second, so all of it takes
-/// `Σ costs / Σ speeds`. *Large tasks*: the `k` dearest tasks use at most `k` devices, at best the `k` fastest, for every
-/// `k < m`. *Sharing*, for equal speeds: of the `k·m + 1` dearest tasks some device gets `k + 1`, which cost at least as
-/// much as the `k + 1` cheapest of those.
+/// `Σ costs / Σ speeds`. *Large tasks*: the `k` most expensive tasks use at most `k` devices, at best the `k` fastest,
+/// for every `k < m`. *Sharing*, for equal speeds: of the `k·m + 1` most expensive tasks some device gets `k + 1`,
+/// which cost at least as much as the `k + 1` cheapest of those.
 ///
-/// Takes the time of a sort. Costs must be ≥ 0 and speeds > 0; others are left out. 0 without tasks, `∞` for tasks without devices.
+/// Takes the time of a sort. Costs must be ≥ 0 and speeds > 0; others are left out. 0 without tasks, `∞` for tasks
+/// without devices.
 #[must_use]
 pub fn related(costs: &[f64], speeds: &[f64]) -> f64 {
     let mut costs: Vec<f64> = costs.iter().copied().filter(|c| *c > 0.0).collect();
     let mut speeds: Vec<f64> = speeds.iter().copied().filter(|s| *s > 0.0).collect();
     costs.sort_unstable_by(|a, b| b.total_cmp(a));
     speeds.sort_unstable_by(|a, b| b.total_cmp(a));
-    let (Some(&dearest), Some((&fastest, &slowest))) = (costs.first(), speeds.first().zip(speeds.last())) else {
+    let (Some(&highest), Some((&fastest, &slowest))) = (costs.first(), speeds.first().zip(speeds.last())) else {
         return if costs.is_empty() { 0.0 } else { f64::INFINITY };
     };
     // Sums of the most expensive ones, in their place: every sum of some that follow each other is a difference of two.
@@ -30,7 +31,7 @@ pub fn related(costs: &[f64], speeds: &[f64]) -> f64 {
         *cost = sum;
     });
     let up_to = costs;
-    let mut bound = (sum / speeds.iter().sum::<f64>()).max(dearest / fastest);
+    let mut bound = (sum / speeds.iter().sum::<f64>()).max(highest / fastest);
     let mut speed = 0.0;
     for (cost, s) in up_to.iter().zip(&speeds) {
         speed += s;
@@ -48,11 +49,11 @@ pub fn related(costs: &[f64], speeds: &[f64]) -> f64 {
 
 /// Least makespan when `seconds[d][j]` is what task `j` takes on device `d`, in any relation.
 ///
-/// For prices `λ ≥ 0`, let `cⱼ = min_d λ_d · seconds[d][j]`. Then `seconds[d][j] ≥ cⱼ / λ_d`: no task is faster than one
-/// of cost `cⱼ` on a device of speed `λ_d`, so every [`related`] bound of those is a bound here. The first of its three
-/// is the Lagrangian dual of the linear program in which tasks may be split; it is maximised over `λ` by multiplicative
-/// weights: a device that the cheapest assignment overloads becomes more expensive. `max_j min_d seconds[d][j]` is a bound
-/// because every task runs somewhere.
+/// For prices `λ ≥ 0`, let `cⱼ = min_d λ_d · seconds[d][j]`. Then `seconds[d][j] ≥ cⱼ / λ_d`: no task is faster than
+/// one of cost `cⱼ` on a device of speed `λ_d`, so every [`related`] bound of those is a bound here. The first of its
+/// three is the Lagrangian dual of the linear program in which tasks may be split; it is maximised over `λ` by
+/// multiplicative weights: a device that the cheapest assignment overloads becomes more expensive. `max_j min_d
+/// seconds[d][j]` is a bound because every task runs somewhere.
 ///
 /// Rows must have equal length; what is beyond the shortest is left out. Values are ≥ 0; `∞` means that a device cannot
 /// run a task.

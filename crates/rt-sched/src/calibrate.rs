@@ -9,8 +9,8 @@ use rt_core::{CostModel, Work};
 /// their active set found by trying all sets: there are 31). Observations are kept as sums only, so learning is cheap
 /// and never ends; older ones fade.
 ///
-/// Few or similar launches cannot tell five prices apart. Then fewer are fitted: divergence is free; then there is a price
-/// per launch and one for every ray and test, then only the latter.
+/// Few or similar launches cannot tell five prices apart. Then fewer are fitted: divergence is free; then there is a
+/// price per launch and one for every ray and test, then only the latter.
 #[derive(Clone, Copy, Debug)]
 pub struct Calibration {
     /// `Σ w · xᵢ · xⱼ` with `w = 1 / seconds²` and `x` = launches, rays, boxes, triangles, divergence.
@@ -61,8 +61,8 @@ pub struct Fit {
     pub model: CostModel,
     /// Root mean square of the relative errors of the observations, without a unit.
     pub relative_error: f64,
-    /// How many prices were told apart: 5 when each has its own, fewer where something was not observed or divergence is
-    /// free, 2 for launches and everything else, 1 for one price.
+    /// How many prices were told apart: 5 when each has its own, fewer where something was not observed or divergence
+    /// is free, 2 for launches and everything else, 1 for one price.
     pub prices: u32,
 }
 
@@ -246,8 +246,8 @@ impl Calibration {
 /// Seconds of each task as predicted by prices that were fitted on other tasks: even ones predict odd ones and the
 /// other way round. NaN where too little was measured.
 ///
-/// `seconds` are the tasks' own, without the launch, one for each entry of `work`; entries that are not positive numbers
-/// teach nothing.
+/// `seconds` are the tasks' own, without the launch, one for each entry of `work`; entries that are not positive
+/// numbers teach nothing.
 #[must_use]
 pub fn cross_predicted(work: &[Work], seconds: &[f64]) -> Vec<f64> {
     let fits = [0, 1].map(|parity| {

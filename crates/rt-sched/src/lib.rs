@@ -17,7 +17,6 @@ extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
-pub mod blind;
 pub mod bound;
 pub mod calibrate;
 pub mod estimate;
@@ -27,5 +26,6 @@ pub mod queue;
 pub mod sample;
 mod schedule;
 pub mod simulate;
+pub mod uninformed;
 
 pub use schedule::{Schedule, ScheduleError};

@@ -2,7 +2,8 @@
 
 use alloc::vec::Vec;
 
-/// How much longer a run took than if every device had been busy to its end: `makespan / (Σ speed · busy / Σ speed) − 1`.
+/// How much longer a run took than if every device had been busy to its end:
+/// `makespan / (Σ speed · busy / Σ speed) − 1`.
 ///
 /// `speeds` in any common unit; devices without one count as speed 1. `None` when no device was busy.
 #[must_use]

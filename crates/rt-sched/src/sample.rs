@@ -14,10 +14,10 @@ impl Fraction {
     /// 12.5%, the fraction of M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on
     /// Multi-GPU Systems* (2013).
     pub const EIGHTH: Self = Self(0.125);
-    /// 1/64, the fraction to start with: measured to cost about 1% of a trace on a processor, and near enough to balance
-    /// tasks of 1,024 rays.
+    /// 1/64, the fraction to start with: measured to cost about 1% of a trace on a processor, and near enough to
+    /// balance tasks of 1,024 rays.
     pub const SIXTY_FOURTH: Self = Self(1.0 / 64.0);
-    /// 1/256: enough to see which tasks are dear.
+    /// 1/256: enough to see which tasks are expensive.
     pub const TWO_HUNDRED_FIFTY_SIXTH: Self = Self(1.0 / 256.0);
     /// Every ray.
     pub const ONE: Self = Self(1.0);
@@ -51,8 +51,8 @@ impl fmt::Display for Fraction {
 /// How sample rays are chosen. Both ways give [`Fraction::of`] distinct rays of each task, in increasing order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RaySampler {
-    /// One at random of each of equally long stretches of the stream's order: for coherent rays in Z-curve order, where it
-    /// spreads the sample evenly over the task's piece of the screen.
+    /// One at random of each of equally long stretches of the stream's order: for coherent rays in Z-curve order, where
+    /// it spreads the sample evenly over the task's piece of the screen.
     Strided,
     /// Random without replacement: for incoherent rays, whose order says nothing about their cost.
     Random,
@@ -89,8 +89,8 @@ impl RaySampler {
     /// for equal arguments: for samples that grow.
     ///
     /// Strided: the radical inverse of J. van der Corput (1935) with its digits scrambled (A. Owen, *Randomly Permuted
-    /// (t,m,s)-Nets and (t,s)-Sequences*, 1995), so that the first 2ᵏ rays lie one in each of
-    /// 2ᵏ stretches, each at its own place there. Random: a keyed permutation (M. Luby and C. Rackoff, *How to Construct Pseudorandom
+    /// (t,m,s)-Nets and (t,s)-Sequences*, 1995), so that the first 2ᵏ rays lie one in each of 2ᵏ stretches, each at its
+    /// own place there. Random: a keyed permutation (M. Luby and C. Rackoff, *How to Construct Pseudorandom
     /// Permutations*, 1988: four Feistel rounds), cut down to the task's rays.
     pub fn order(self, task: Task, seed: u32) -> impl Iterator<Item = u32> {
         let rays = u64::from(task.rays);
@@ -114,9 +114,9 @@ impl RaySampler {
     }
 }
 
-/// Numbers of which each bit is flipped or not as the bits below it say: Owen's scrambling of reversed digits, by the hash of
-/// S. Laine and T. Karras, *Stratified Sampling for Stochastic Transparency* (2011). A permutation of the numbers below
-/// any power of two, once the bits above are dropped.
+/// Numbers of which each bit is flipped or not as the bits below it say: Owen's scrambling of reversed digits, by the
+/// hash of S. Laine and T. Karras, *Stratified Sampling for Stochastic Transparency* (2011). A permutation of the
+/// numbers below any power of two, once the bits above are dropped.
 fn scrambled(i: u32, key: [u32; 2]) -> u32 {
     let [mix, ..] = random::pcg3d([key[0], key[1], DIMENSION]);
     let mut x = i.wrapping_add(mix);
@@ -137,13 +137,13 @@ fn permuted(i: u64, half: u32, key: [u32; 2]) -> u64 {
     u64::from(left) << half | u64::from(right)
 }
 
-/// One ray at random of each stretch `⌊(i · rays + start) / count⌋ ..`, where the random start decides which stretches are
-/// a ray longer, if any are: then chances are only nearly equal.
+/// One ray at random of each stretch `⌊(i · rays + start) / count⌋ ..`, where the random start decides which stretches
+/// are a ray longer, if any are: then chances are only nearly equal.
 ///
-/// Stratified sampling with one ray a stratum, not systematic sampling (W. Cochran, *Sampling Techniques*, 1977, chapters 5A
-/// and 8): equal steps are off by the same part of a step everywhere. Where costs rise across a task that is an error which
-/// more samples do not average out and their differences do not show: 95% intervals of 1 in 8 primary rays held in 77 to
-/// 92% of the tasks of real scenes.
+/// Stratified sampling with one ray a stratum, not systematic sampling (W. Cochran, *Sampling Techniques*, 1977,
+/// chapters 5A and 8): equal steps are off by the same part of a step everywhere. Where costs rise across a task that
+/// is an error which more samples do not average out and their differences do not show: 95% intervals of 1 in 8 primary
+/// rays held in 77 to 92% of the tasks of real scenes.
 fn strided(task: Task, count: u32, seed: u32, out: &mut Vec<u32>) {
     // Below `count`, so that the first stretch begins and the last one ends with the task.
     let start = u64::from(random::below(count, seed, task.first, DIMENSION));

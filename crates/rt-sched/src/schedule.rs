@@ -50,7 +50,7 @@ impl Schedule {
     }
 
     /// Predicted seconds of each device: its tasks, and one launch where it has any. [`Lpt`](crate::policy::Lpt) rounds
-    /// each task to about 2⁻¹⁹ of the dearest.
+    /// each task to about 2⁻¹⁹ of the most expensive.
     #[must_use]
     pub fn seconds(&self) -> &[f64] {
         &self.seconds

@@ -1,4 +1,5 @@
 //! Compiles the WGSL kernels to SPIR-V and writes a table of them.
+#![expect(clippy::print_stdout, reason = "so cargo is told what to watch")]
 
 mod spirv;
 
@@ -13,7 +14,7 @@ use std::{env, fs};
 const KEEP: [&str; 2] = ["keep_decorated.wgsl", "keep_hidden.wgsl"];
 
 /// What every kernel reads that traces, or pretends to; after them come its rays.
-const GIVEN: &[&str] = &["bindings.wgsl", "ray.wgsl", "work.wgsl"];
+const GIVEN: &[&str] = &["bindings.wgsl", "ray.wgsl", "ray_list.wgsl"];
 
 /// The rays, and those that tell in tests how often they were visited.
 const RAYS: [&str; 2] = ["rays.wgsl", "rays_visited.wgsl"];
@@ -29,8 +30,8 @@ const TREES: &[(&str, &str, &[u32])] =
 
 /// The other parts of kernels that make rays: name in Rust, and the parts.
 const MAKERS: &[(&str, &[&str])] = &[
-    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "camera.wgsl"]),
-    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "order.wgsl", "bounce.wgsl"]),
+    ("Camera", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "ray_recipe.wgsl", "camera.wgsl"]),
+    ("Bounce", &["ray.wgsl", "double_float.wgsl", "random.wgsl", "prepare.wgsl", "ray_recipe.wgsl", "bounce.wgsl"]),
 ];
 
 /// The other parts of the kernel by which devices are checked.
@@ -58,7 +59,7 @@ const PRETENDING: &[(&str, usize, &str)] = &[
 ];
 
 /// Structures whose layout the crate's tests compare with those of the host.
-const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "Work", "Camera", "Bounce"];
+const LAYOUTS: &[&str] = &["Node", "WideNode", "Triangle", "Ray", "VisitedRay", "Frame", "RayList", "Camera", "Bounce"];
 
 struct Flags {
     any: bool,
@@ -112,8 +113,8 @@ fn joined(parts: &[&str]) -> std::io::Result<[String; 2]> {
     Ok([join(decorated)?, join(hidden)?])
 }
 
-/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of the
-/// second to `target`, and the row to the table.
+/// Compiles a kernel, of which `sources` are the variants of [`KEEP`], writes the SPIR-V of the first and the WGSL of
+/// the second to `target`, and the row to the table.
 fn add(
     table: &mut String,
     target: &Path,
@@ -162,7 +163,8 @@ fn compile(source: &str) -> Result<(naga::Module, Vec<u32>), Box<dyn Error>> {
         // Fixed: the default differs between debug and release builds.
         flags: spv::WriterFlags::empty(),
         fake_missing_bindings: true,
-        // `rt_core::Scene` is checked once, so that kernels may trust every index; stacks are as deep as the scene asks.
+        // `rt_core::Scene` is checked once, so that kernels may trust every index; stacks are as deep as the scene
+        // asks.
         bounds_check_policies: naga::proc::BoundsCheckPolicies::default(),
         zero_initialize_workgroup_memory: spv::ZeroInitializeWorkgroupMemoryMode::None,
         // The loop ends: every step visits another node of a finite tree.

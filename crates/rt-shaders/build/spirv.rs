@@ -2,8 +2,8 @@
 //!
 //! * Every arithmetic instruction on floating-point numbers is decorated `NoContraction`: else drivers may fuse or
 //!   reorder them, and double-float arithmetic and error bounds would fail.
-//! * Arrays in functions lose the initialiser that WGSL asks for: filling a stack with zeros for each ray costs more than
-//!   using it.
+//! * Arrays in functions lose the initialiser that WGSL asks for: filling a stack with zeros for each ray costs more
+//!   than using it.
 
 use std::collections::HashSet;
 

@@ -1,6 +1,6 @@
-// What a launch reads and writes, but for the tree at binding 0, of which each layout has its own, the rays at binding 4 and
-// the work at binding 5.
-// The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test compares the offsets.
+// What a launch reads and writes, but for the tree at binding 0, of which each layout has its own, the rays at binding
+// 4 and the list of them at binding 5. The layouts are those of `rt_core::Triangle` and `rt_core::TestCounts`; a test
+// compares the offsets.
 
 struct Triangle {
     // Three vertices. Not vectors: those would be padded to 16 bytes.
@@ -23,9 +23,9 @@ const ROOT_EMPTY: u32 = 3u;
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
 @group(0) @binding(3) var<storage, read> frame: Frame;
-// For each item of work: the slot of the triangle that was hit, MISS, or DOUBTFUL.
+// For each item of the list: the slot of the triangle that was hit, MISS, or DOUBTFUL.
 @group(0) @binding(6) var<storage, read_write> found: array<u32>;
-// For each item of work: box tests and triangle tests.
+// For each item of the list: box tests and triangle tests.
 @group(0) @binding(7) var<storage, read_write> counts: array<vec2<u32>>;
 
 const MISS: u32 = 0xffffffffu;

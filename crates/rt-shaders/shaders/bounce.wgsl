@@ -1,8 +1,8 @@
-// Rays that leave surfaces, made where they are traced: the bits of `rt_core::BounceRays::ray`, prepared as `rt_bvh::offload`
-// does. Function for function those of rt_core's module `bounce`, which says why no number here is denormal that matters;
-// triangles for which one could be are left to the host.
+// Rays that leave surfaces, made where they are traced: the bits of `rt_core::BounceRays::ray`, prepared as
+// `rt_bvh::kernel_io` does. Function for function those of rt_core's module `bounce`, which says why no number here is
+// denormal that matters; triangles for which one could be are left to the host.
 
-// rt_bvh::offload::KernelBounce; a test compares the offsets.
+// rt_bvh::kernel_io::KernelBounce; a test compares the offsets.
 struct Bounce {
     // Unit vector to the middle of the disc that rays go to.
     middle: vec3<f32>,
@@ -25,8 +25,8 @@ struct Bounce {
     exponents: vec2<u32>,
     // Always 0, which compilers do not know.
     zero: u32,
-    // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND in the
-    // first, and the triangle.
+    // Where the departures begin: for each ray the weights of the second and the third vertex in units of 2^-24, BEHIND
+    // in the first, and the triangle.
     departures: u32,
     // Number of the group of `samples` paths that the wave's first one belongs to.
     first_group: u32,
@@ -41,7 +41,7 @@ struct Triangle {
 
 @group(0) @binding(1) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(2) var<storage, read> primitives: array<u32>;
-@group(0) @binding(5) var<storage, read> order: Bounce;
+@group(0) @binding(5) var<storage, read> recipe: Bounce;
 @group(0) @binding(6) var<storage, read_write> made: array<Ray>;
 
 const GROUP: u32 = 64u;
@@ -167,13 +167,13 @@ fn about(n: vec3<f32>, at: vec3<f32>) -> vec3<f32> {
 }
 
 fn towards(at: vec3<f32>) -> vec3<f32> {
-    let to = kept(kept(order.middle + kept(order.tangent * at.x)) + kept(order.bitangent * at.y));
+    let to = kept(kept(recipe.middle + kept(recipe.tangent * at.x)) + kept(recipe.bitangent * at.y));
     return kept(to * rsqrt(squared_length(to)));
 }
 
 fn ray_from(index: u32) -> Ray {
-    let departure = order.departures + 3u * index;
-    let slot = order.words[departure + 2u];
+    let departure = recipe.departures + 3u * index;
+    let slot = recipe.words[departure + 2u];
     if slot == NO_TRIANGLE {
         return for_the_host();
     }
@@ -182,7 +182,7 @@ fn ray_from(index: u32) -> Ray {
         greatest = max(greatest, abs(triangles[slot].vertices[i]));
     }
     let exponent = bitcast<u32>(greatest) >> 23u;
-    if exponent < order.coordinates.x || exponent > order.coordinates.y {
+    if exponent < recipe.coordinates.x || exponent > recipe.coordinates.y {
         return for_the_host();
     }
     // To [1/2, 1), and back.
@@ -195,9 +195,9 @@ fn ray_from(index: u32) -> Ray {
     if all(front == vec3<f32>(0.0)) {
         return for_the_host();
     }
-    let n = select(front, -front, (order.words[departure] & BEHIND) != 0u);
-    let u = min(order.words[departure] & ~BEHIND, ONE);
-    let v = min(order.words[departure + 1u] & ~BEHIND, ONE);
+    let n = select(front, -front, (recipe.words[departure] & BEHIND) != 0u);
+    let u = min(recipe.words[departure] & ~BEHIND, ONE);
+    let v = min(recipe.words[departure + 1u] & ~BEHIND, ONE);
     // Exact.
     let weights = vec3<f32>(f32(max(ONE, u + v) - (u + v)), f32(u), f32(v)) * 5.9604644775390625e-8;
     let origin = vec3<f32>(
@@ -205,14 +205,14 @@ fn ray_from(index: u32) -> Ray {
         start_of(weights, vec3<f32>(a.y, b.y, c.y), n.y),
         start_of(weights, vec3<f32>(a.z, b.z, c.z), n.z),
     ) * back;
-    let path = named(order.paths, index);
-    let group = order.first_group + path / order.samples;
-    let at = disc_of(spread_pair(order.seed, group, order.dimension, path % order.samples));
+    let path = named(recipe.paths, index);
+    let group = recipe.first_group + path / recipe.samples;
+    let at = disc_of(spread_pair(recipe.seed, group, recipe.dimension, path % recipe.samples));
     var direction = about(n, at);
-    if order.disc != 0u {
+    if recipe.disc != 0u {
         direction = towards(at);
     }
-    return prepared(origin, direction, order.tmax, primitives[slot], order.exponents, true);
+    return prepared(origin, direction, recipe.tmax, primitives[slot], recipe.exponents, true);
 }
 
 @compute @workgroup_size(GROUP)
@@ -222,9 +222,9 @@ fn make_bounces(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let index = (group.y * groups.x + group.x) * GROUP + lane;
-    if index >= order.count {
+    if index >= recipe.count {
         return;
     }
-    hide(order.zero);
+    hide(recipe.zero);
     made[named(0u, index)] = ray_from(index);
 }

@@ -1,8 +1,9 @@
-// Camera rays, made where they are traced: the bits of `rt_core::CameraRays::ray`, prepared as `rt_bvh::offload` does.
+// Camera rays, made where they are traced: the bits of `rt_core::CameraRays::ray`, prepared as `rt_bvh::kernel_io`
+// does.
 //
 // A ray with a component of 0 is left to the host.
 
-// rt_bvh::offload::KernelCamera; a test compares the offsets.
+// rt_bvh::kernel_io::KernelCamera; a test compares the offsets.
 struct Camera {
     // In local coordinates.
     origin: vec3<f32>,
@@ -29,7 +30,7 @@ struct Camera {
     words: array<u32>,
 }
 
-@group(0) @binding(5) var<storage, read> order: Camera;
+@group(0) @binding(5) var<storage, read> recipe: Camera;
 @group(0) @binding(6) var<storage, read_write> made: array<Ray>;
 
 const GROUP: u32 = 64u;
@@ -41,27 +42,27 @@ fn make_rays(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let index = (group.y * groups.x + group.x) * GROUP + lane;
-    if index >= order.count {
+    if index >= recipe.count {
         return;
     }
-    hide(order.zero);
-    let number = named(order.numbers, index);
-    let pixel = order.words[order.pixels + number / order.samples];
+    hide(recipe.zero);
+    let number = named(recipe.numbers, index);
+    let pixel = recipe.words[recipe.pixels + number / recipe.samples];
     var inside = vec2<f32>(0.5);
-    if order.samples > 1u {
-        inside = spread_pair(order.seed, pixel, 0u, number % order.samples);
+    if recipe.samples > 1u {
+        inside = spread_pair(recipe.seed, pixel, 0u, number % recipe.samples);
     }
     // rt_core::CameraRays::ray and Camera::ray. Products with 2 are exact.
-    let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * order.pixel.x);
-    let y = keep(keep(f32(pixel >> 16u) + inside.y) * order.pixel.y);
-    let across = keep(keep(2.0 * x - 1.0) * order.aspect);
+    let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * recipe.pixel.x);
+    let y = keep(keep(f32(pixel >> 16u) + inside.y) * recipe.pixel.y);
+    let across = keep(keep(2.0 * x - 1.0) * recipe.aspect);
     let upward = keep(1.0 - 2.0 * y);
     let direction = vec3<f32>(
-        component(order.forward.x, order.right.x, across, order.up.x, upward),
-        component(order.forward.y, order.right.y, across, order.up.y, upward),
-        component(order.forward.z, order.right.z, across, order.up.z, upward),
+        component(recipe.forward.x, recipe.right.x, across, recipe.up.x, upward),
+        component(recipe.forward.y, recipe.right.y, across, recipe.up.y, upward),
+        component(recipe.forward.z, recipe.right.z, across, recipe.up.z, upward),
     );
-    made[named(0u, index)] = prepared(order.origin, direction, order.tmax, NO_PRIMITIVE, order.exponents, false);
+    made[named(0u, index)] = prepared(recipe.origin, direction, recipe.tmax, NO_PRIMITIVE, recipe.exponents, false);
 }
 
 fn component(forward: f32, right: f32, across: f32, up: f32, upward: f32) -> f32 {

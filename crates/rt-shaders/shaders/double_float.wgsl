@@ -4,8 +4,8 @@
 // to the result and with u = 2^-24, from M. Joldes, J.-M. Muller and V. Popescu, "Tight and Rigorous Error Bounds for
 // Basic Building Blocks of Double-Word Arithmetic", ACM TOMS 44-2 (2017): 3 u² for a sum, 7 u² for a product.
 //
-// They hold only where additions and multiplications are rounded to nearest, one by one: hence `keep` around every one of
-// them, which the build defines for the API that runs the kernel. `fma` is not used: it need not fuse.
+// They hold only where additions and multiplications are rounded to nearest, one by one: hence `keep` around every one
+// of them, which the build defines for the API that runs the kernel. `fma` is not used: it need not fuse.
 
 fn two_sum(a: f32, b: f32) -> vec2<f32> {
     let s = keep(a + b);

@@ -1,6 +1,6 @@
-// Rounded results stay as they are, for APIs that cannot say so: no compiler may fuse, reorder or cancel operations across
-// an exclusive or with bits that it does not know. WGSL allows all three (section "Floating Point Evaluation"), and Mesa,
-// for one, cancels (a + b) - a.
+// Rounded results stay as they are, for APIs that cannot say so: no compiler may fuse, reorder or cancel operations
+// across an exclusive or with bits that it does not know. WGSL allows all three (section "Floating Point Evaluation"),
+// and Mesa, for one, cancels (a + b) - a.
 
 // The zero that the host writes to a buffer.
 var<private> unknown: u32;

@@ -10,16 +10,16 @@ fn trace(
     @builtin(local_invocation_index) index: u32,
 ) {
     let lane = (group.y * groups.x + group.x) * GROUP + index;
-    if lane >= work.lanes {
+    if lane >= list.lanes {
         return;
     }
     hide(frame.zero);
     var item = lane;
-    while item < work.count {
+    while item < list.count {
         solve(item);
-        if work.lanes >= work.count {
+        if list.lanes >= list.count {
             break;
         }
-        item = atomicAdd(&work.next, 1u);
+        item = atomicAdd(&list.next, 1u);
     }
 }

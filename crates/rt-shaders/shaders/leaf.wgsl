@@ -1,12 +1,14 @@
 // What becomes of a ray at a triangle of a leaf, whatever the layout of the tree.
 
-// The nearest hit so far: its slot (MISS: none; DOUBTFUL: the host must decide) and distance, or else the ray's own limit.
+// The nearest hit so far: its slot (MISS: none; DOUBTFUL: the host must decide) and distance, or else the ray's own
+// limit.
 struct Nearest {
     slot: u32,
     limit: f32,
 }
 
-// The nearest hit once the triangle at `slot` was tested too. `origin` is the ray's, in its order; `reach` that of `Slabs`.
+// The nearest hit once the triangle at `slot` was tested too. `origin` is the ray's, in its order; `reach` that of
+// `Slabs`.
 fn nearest_with(ray: Ray, reach: f32, origin: vec3<f32>, slot: u32, nearest: Nearest) -> Nearest {
     let dominant = ray.kind & KIND_AXIS;
     let triangle = triangles[slot];
@@ -31,7 +33,8 @@ fn nearest_with(ray: Ray, reach: f32, origin: vec3<f32>, slot: u32, nearest: Nea
         return nearest;
     }
     if meeting.verdict == IN_DOUBT {
-        // A ray that hits the triangle enters its box, which is padded beyond all rounding: where it does not, the doubt is settled.
+        // A ray that hits the triangle enters its box, which is padded beyond all rounding: where it does not, the
+        // doubt is settled.
         let range = enter(slabs_of(ray), min(min(a, b), c), max(max(a, b), c), nearest.limit);
         if range.x > range.y {
             return nearest;

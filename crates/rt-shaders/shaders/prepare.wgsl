@@ -1,20 +1,21 @@
-// Rays as kernels trace them, made on the device: the bits that `rt_bvh::offload` prepares on the host.
+// Rays as kernels trace them, made on the device: the bits that `rt_bvh::kernel_io` prepares on the host.
 //
-// What is a sum, a product or a whole number is the host's operation for operation. Quotients are not: devices may be off
-// by 2.5 units in the last place. So each is tested: q is a / b rounded to nearest if and only if |a - b q| is less than
-// half a unit in q's last place times |b|.
-// * Both sides are exact: the left one is a number of single precision where it is at most the right one, because it is a
-//   multiple of the product of the units of b and q; and where it is greater, rounding does not make it less.
+// What is a sum, a product or a whole number is the host's operation for operation. Quotients are not: devices may be
+// off by 2.5 units in the last place. So each is tested: q is a / b rounded to nearest if and only if |a - b q| is less
+// than half a unit in q's last place times |b|.
+// * Both sides are exact: the left one is a number of single precision where it is at most the right one, because it is
+//   a multiple of the product of the units of b and q; and where it is greater, rounding does not make it less.
 // * A quotient of two numbers of single precision is never halfway between two others.
-// * Just below a power of two 2^k numbers lie twice as close. But a quotient less than 2^k is at most 2^k (1 - 2^-24), a and
-//   b 2^k being different numbers, and for it the test refuses 2^k.
-// A ray with a quotient that fails is left to the host, as are rays with a component so small that the products below would
-// become denormal. Nothing rests on how well a device divides but how many rays those are.
+// * Just below a power of two 2^k numbers lie twice as close. But a quotient less than 2^k is at most 2^k (1 - 2^-24),
+//   a and b 2^k being different numbers, and for it the test refuses 2^k. A ray with a quotient that fails is left to
+//   the host, as are rays with a component so small that the products below would become denormal. Nothing rests on how
+//   well a device divides but how many rays those are.
 
 const NO_PRIMITIVE: u32 = 0xffffffffu;
 
-// Smallest component of a direction whose largest is in [1, 2). A quotient of two components is then at least 2^-25; what it
-// leaves over is 0 or at least 2^-71, the quotient of that 2^-72, and all of what that leaves over are multiples of 2^-118.
+// Smallest component of a direction whose largest is in [1, 2). A quotient of two components is then at least 2^-25;
+// what it leaves over is 0 or at least 2^-71, the quotient of that 2^-72, and all of what that leaves over are
+// multiples of 2^-118.
 const LEAST_COMPONENT: f32 = 5.9604644775390625e-8; // 2^-24
 
 // One over a component that is 0: the host raises it to 2^-60.
@@ -48,9 +49,9 @@ fn for_the_host() -> Ray {
     return Ray(vec3<f32>(0.0), 0.0, vec3<f32>(1.0), 0.0, vec4<f32>(0.0), vec2<f32>(0.0), NO_PRIMITIVE, KIND_HOST);
 }
 
-// The ray from `origin`, in local coordinates, along `given`, in given ones. `exponents` is the range of the exponent, as it
-// is stored, of the largest component of a direction. A component of 0 is left to the host unless `zeros` says that it is +0
-// there: devices need not keep its sign.
+// The ray from `origin`, in local coordinates, along `given`, in given ones. `exponents` is the range of the exponent,
+// as it is stored, of the largest component of a direction. A component of 0 is left to the host unless `zeros` says
+// that it is +0 there: devices need not keep its sign.
 fn prepared(origin: vec3<f32>, given: vec3<f32>, tmax: f32, excluded: u32, exponents: vec2<u32>, zeros: bool) -> Ray {
     let size = abs(given);
     let greatest = max(max(size.x, size.y), size.z);

@@ -1,4 +1,4 @@
-// A ray as the host or the kernel `make_rays` prepares it: `rt_bvh::offload::KernelRay`; a test compares the offsets.
+// A ray as the host or the kernel `make_rays` prepares it: `rt_bvh::kernel_io::KernelRay`; a test compares the offsets.
 
 struct Ray {
     origin: vec3<f32>,

@@ -1,4 +1,5 @@
-// In place of rays.wgsl, for tests: each ray counts how often a kernel takes it, in bits of `Ray::kind` that mean nothing.
+// In place of rays.wgsl, for tests: each ray counts how often a kernel takes it, in bits of `Ray::kind` that mean
+// nothing.
 
 // The structure `Ray`, but for `kind`.
 struct VisitedRay {

@@ -1,5 +1,5 @@
-// The conservative ray-box test: operation for operation that of rt_bvh (see its module `slabs`), so that both enter the
-// same boxes at the same distances, bit for bit.
+// The conservative ray-box test: operation for operation that of rt_bvh (see its module `slabs`), so that both enter
+// the same boxes at the same distances, bit for bit.
 
 const UNIT_ROUNDOFF: f32 = 5.9604644775390625e-8; // 2^-24
 const REACH_SHARE: f32 = 7.62939453125e-6; // 2^-17
@@ -41,8 +41,8 @@ fn keep3(v: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(keep(v.x), keep(v.y), keep(v.z));
 }
 
-// Where the ray enters and leaves a box, if the first is not beyond the second. No product is added to anything, so there
-// is nothing to fuse, and no sum to reorder: nothing need be kept.
+// Where the ray enters and leaves a box, if the first is not beyond the second. No product is added to anything, so
+// there is nothing to fuse, and no sum to reorder: nothing need be kept.
 fn enter(slabs: Slabs, low: vec3<f32>, high: vec3<f32>, limit: f32) -> vec2<f32> {
     let a = (low - slabs.lower) * slabs.reciprocal;
     let b = (high - slabs.upper) * slabs.reciprocal;

@@ -1,10 +1,7 @@
-// The traversal loop over the two-wide layout: step for step that of rt_bvh, so that counts are the same. What it is for
-// is chosen by constants that the build prepends:
-//   STACK    entries of the stack, at least the depth of the scene
-//   ANY      whether the first hit ends the ray
-//   COUNT    whether tests are counted
-//   REDUCED  whether leaves are counted and not opened
-//   CUT      whether, then, a leaf counts as a hit where it is entered
+// The traversal loop over the two-wide layout: step for step that of rt_bvh, so that counts are the same. What it is
+// for is chosen by constants that the build prepends: STACK entries of the stack, at least the depth of the scene ANY
+// whether the first hit ends the ray COUNT whether tests are counted REDUCED whether leaves are counted and not opened
+// CUT whether, then, a leaf counts as a hit where it is entered
 
 // Two boxes, each lower corner before upper corner, as twelve planes in a row; then where the children are:
 // index 0 and 1, number of triangles 0 and 1.

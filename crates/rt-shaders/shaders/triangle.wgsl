@@ -1,30 +1,31 @@
 // The ray-triangle test: certain, or openly in doubt.
 //
-// A hit is defined by rt_core::intersect, in exact arithmetic. Here its edge functions are computed twice. Single precision rejects
-// most triangles, by the bound that rt_bvh's module `triangle` derives. What it leaves is computed in double floats, with a
-// bound on the error; where that does not settle an edge function's sign, or the exact distance rounded to single precision,
-// the triangle is doubtful and the host traces the ray. So what a device decides, it decides as exact arithmetic does. The bound
-// is relative to the triangle's own numbers: of a triangle far smaller than its distance no sign is certain, and it is doubtful.
+// A hit is defined by rt_core::intersect, in exact arithmetic. Here its edge functions are computed twice. Single
+// precision rejects most triangles, by the bound that rt_bvh's module `triangle` derives. What it leaves is computed in
+// double floats, with a bound on the error; where that does not settle an edge function's sign, or the exact distance
+// rounded to single precision, the triangle is doubtful and the host traces the ray. So what a device decides, it
+// decides as exact arithmetic does. The bound is relative to the triangle's own numbers: of a triangle far smaller than
+// its distance no sign is certain, and it is doubtful.
 //
 // The bound. Let u = 2^-24, Z the greatest |z| and X, Y the greatest sheared |x| and |y| of the vertices, S = X + Y.
 // * Coordinates relative to the origin are exact: two_sum.
-// * A sheared coordinate x - s z, with |s| <= 1, is off by D = 7.7 u² Z + 3.1 u² X: 7 u² from the product, 0.5 u² from s,
-//   3 u² from the difference, the rest to round up.
-// * An edge function, c.x b.y - c.y b.x, changes by at most 2 (Dx Y + Dy X) = 15.4 u² Z S + 12.4 u² X Y from that, and by
-//   14 u² X Y + 6 u² X Y from its own two products and difference. With X Y <= S²/4: 15.4 u² Z S + 8.2 u² S². EDGE_Z and EDGE_XY
-//   are 32 u² and 16 u².
-// * Where all edge functions have one sign, the mean of the z that they weigh lies among the z. So moving each by at most
-//   E moves the mean by at most 3 E / |determinant| times the spread of the z. Rounding adds, in units of u² Z: 7 for the
-//   products, 6 for their sum, 6 for the determinant, 6 for the quotient, and 7.5 for the product with 1/d, |1/d| <= 1: 33. T_Z is
-//   64 u².
-// Numbers below 2^-126 may be flushed to zero.
-// * A coordinate is so changed by less than 2^-122, hence an edge function by 2^-121 S, and by 2^-121 in its own products.
-//   E is at least EDGE_XY S²: 2^-116 where S is above SMALLEST.
+// * A sheared coordinate x - s z, with |s| <= 1, is off by D = 7.7 u² Z + 3.1 u² X: 7 u² from the product, 0.5 u² from
+//   s, 3 u² from the difference, the rest to round up.
+// * An edge function, c.x b.y - c.y b.x, changes by at most 2 (Dx Y + Dy X) = 15.4 u² Z S + 12.4 u² X Y from that, and
+//   by 14 u² X Y + 6 u² X Y from its own two products and difference. With X Y <= S²/4: 15.4 u² Z S + 8.2 u² S². EDGE_Z
+//   and EDGE_XY are 32 u² and 16 u².
+// * Where all edge functions have one sign, the mean of the z that they weigh lies among the z. So moving each by at
+//   most E moves the mean by at most 3 E / |determinant| times the spread of the z. Rounding adds, in units of u² Z: 7
+//   for the products, 6 for their sum, 6 for the determinant, 6 for the quotient, and 7.5 for the product with
+//   1/d, |1/d| <= 1: 33. T_Z is 64 u². Numbers below 2^-126 may be flushed to zero.
+// * A coordinate is so changed by less than 2^-122, hence an edge function by 2^-121 S, and by 2^-121 in its own
+//   products. E is at least EDGE_XY S²: 2^-116 where S is above SMALLEST.
 // * The sum of the weighted z is changed by less than 2^-120, which must be small beside 8 u² |determinant| Z: that is
-//   2^-117 where LEAST_SUM holds. Triangles that are smaller, and distances below NEAREST, are left in doubt.
-// Overflow: coordinates are below 2^61, for REACH of rt_bvh's `offload`, so that edge functions are below 2^124. Where they
-// are certain and of one sign, the line meets the triangle, which is in the scene's box, of size 2 (the host keeps the rays of
-// larger ones): then S <= 8, and as edge functions are at most S²/2 and above E, Z <= 2^45: nothing that follows overflows.
+//   2^-117 where LEAST_SUM holds. Triangles that are smaller, and distances below NEAREST, are left in doubt. Overflow:
+//   coordinates are below 2^61, for REACH of rt_bvh's `kernel_io`, so that edge functions are below 2^124. Where they
+//   are certain and of one sign, the line meets the triangle, which is in the scene's box, of size 2 (the host keeps
+//   the rays of larger ones): then S <= 8, and as edge functions are at most S²/2 and above E, Z <= 2^45: nothing that
+//   follows overflows.
 
 const EDGE_Z: f32 = 1.1368683772161603e-13; // 2^-43
 const EDGE_XY: f32 = 5.684341886080802e-14; // 2^-44

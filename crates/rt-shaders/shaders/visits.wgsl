@@ -7,7 +7,7 @@ fn visits(
 ) {
     // However many invocations the backend starts, every item is answered once.
     let stride = groups.x * groups.y * 64u;
-    for (var item = id.y * groups.x * 64u + id.x; item < work.count; item += stride) {
+    for (var item = id.y * groups.x * 64u + id.x; item < list.count; item += stride) {
         found[item] = MISS;
         counts[item] = vec2<u32>(atomicLoad(&rays[ray_of(item)].kind) / VISIT, 0u);
     }

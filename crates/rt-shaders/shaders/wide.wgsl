@@ -1,10 +1,10 @@
-// The traversal loop over the eight-wide compressed layout: step for step that of rt_bvh (see its module `trace::wide`, which
-// also derives why the box test is conservative), so that counts are the same. What it is for is chosen by the constants of
-// traverse.wgsl.
+// The traversal loop over the eight-wide compressed layout: step for step that of rt_bvh (see its module `trace::wide`,
+// which also derives why the box test is conservative), so that counts are the same. What it is for is chosen by the
+// constants of traverse.wgsl.
 
-// rt_bvh::WideNode, 80 bytes: the grid's origin; three biased exponents and, in the uppermost byte, which slots are nodes; the
-// first node and the first triangle of the children; what is in each slot; the lower planes by axis and slot, a byte each, and
-// the upper ones.
+// rt_bvh::WideNode, 80 bytes: the grid's origin; three biased exponents and, in the uppermost byte, which slots are
+// nodes; the first node and the first triangle of the children; what is in each slot; the lower planes by axis and
+// slot, a byte each, and the upper ones.
 struct WideNode {
     words: array<vec4<u32>, 5>,
 }
@@ -50,8 +50,8 @@ fn solve(item: u32) {
     var nearest = Nearest(MISS, ray.tmax);
     var boxes = 0u;
     var tests = 0u;
-    // Nodes to be visited: the first node of their parent; and in one word, in the order of visits from the uppermost bit down,
-    // which of its slots, and below those, which of its slots are nodes.
+    // Nodes to be visited: the first node of their parent; and in one word, in the order of visits from the uppermost
+    // bit down, which of its slots, and below those, which of its slots are nodes.
     var behind: array<vec2<u32>, STACK>;
     var used = 0u;
     // The root, as the only child of nobody.

@@ -1,8 +1,8 @@
 //! What a kernel asks of a device's floating-point arithmetic, where the device can promise it.
 //!
-//! SPIR-V has such promises since the extension `SPV_KHR_float_controls` (in Vulkan since 1.2). naga cannot say them, and a
-//! kernel that asks a device for what it does not offer is invalid: so they are added when the kernel is compiled for the
-//! device.
+//! SPIR-V has such promises since the extension `SPV_KHR_float_controls` (in Vulkan since 1.2). naga cannot say them,
+//! and a kernel that asks a device for what it does not offer is invalid: so they are added when the kernel is compiled
+//! for the device.
 
 /// What a device promises of numbers in single precision, for kernels that ask for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

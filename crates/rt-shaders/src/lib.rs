@@ -25,8 +25,8 @@ include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 /// Result of a ray that hits nothing.
 pub const MISS: u32 = u32::MAX;
 
-/// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in doubt
-/// what it hits.
+/// Result of a ray that the host must trace: its numbers are too large or small for the kernel, or rounding left in
+/// doubt what it hits.
 pub const DOUBTFUL: u32 = u32::MAX - 1;
 
 /// Which tree a kernel walks.
@@ -118,9 +118,9 @@ pub struct Kernel {
     /// The buffers it reads and writes.
     pub bindings: &'static [Binding],
     code: &'static [u8],
-    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result from
-    /// the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero`, `Bounce::zero` or the first pair of
-    /// [`Purpose::Arithmetic`].
+    /// The source for APIs that compile WGSL and cannot say that operations must not be fused: it hides every result
+    /// from the compiler behind a zero that only the host knows, `Frame::zero`, `Camera::zero`, `Bounce::zero` or the
+    /// first pair of [`Purpose::Arithmetic`].
     pub wgsl: &'static str,
 }
 
@@ -151,8 +151,8 @@ pub struct Binding {
     pub written: bool,
 }
 
-/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for depths
-/// above `rt_core::MAX_DEPTH`.
+/// The kernel for a layout and purpose whose stack is the smallest that suffices for a tree of that depth; `None` for
+/// depths above `rt_core::MAX_DEPTH`.
 #[must_use]
 pub fn kernel(layout: Layout, purpose: Purpose, depth: u32) -> Option<&'static Kernel> {
     let fits = |kernel: &&Kernel| kernel.layout == layout && kernel.purpose == purpose && kernel.stack >= depth;
@@ -172,7 +172,7 @@ mod tests {
     use super::*;
     use core::mem::{offset_of, size_of};
     use rt_bvh::WideNode;
-    use rt_bvh::offload::{KernelBounce, KernelCamera, KernelRay};
+    use rt_bvh::kernel_io::{KernelBounce, KernelCamera, KernelRay};
     use rt_core::{MAX_DEPTH, Node, TestCounts, Triangle};
 
     fn layout(name: &str) -> (&'static [(&'static str, u32)], usize) {
@@ -202,7 +202,7 @@ mod tests {
         assert_eq!(layout("Ray"), (&ray[..], size_of::<KernelRay>()));
         assert_eq!(layout("VisitedRay"), layout("Ray"));
         assert_eq!(layout("Frame"), (&[("low", 0), ("root", 12), ("high", 16), ("zero", 28)][..], 32));
-        assert_eq!(layout("Work").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
+        assert_eq!(layout("RayList").0, &[("next", 0), ("lanes", 4), ("count", 8), ("ranges", 12), ("rays", 16)]);
         let camera = [
             ("origin", offset_of!(KernelCamera, origin)),
             ("samples", offset_of!(KernelCamera, samples)),

@@ -17,12 +17,13 @@ use rt_core::{Ray, Triangle};
 /// Binary logarithm of [`NEARNESS`].
 pub const NEARNESS_LOG2: i32 = -46;
 
-/// How near a line must come to a triangle's edge for a careful tracer to mistake the side on which it passes: this share of the
-/// distance from the ray's origin to the triangle's farthest vertex, at right angles to the ray. The scene has no part in it.
+/// How near a line must come to a triangle's edge for a careful tracer to mistake the side on which it passes: this
+/// share of the distance from the ray's origin to the triangle's farthest vertex, at right angles to the ray. The scene
+/// has no part in it.
 ///
-/// A kernel that shears in double precision displaces a vertex by less than 5 roundings of 2⁻⁵³ of its distance, so by less than
-/// 2⁻⁵⁰. Sixteen times that leaves room for devices which order or contract the same operations differently, and is still a
-/// four-millionth of a single-precision rounding.
+/// A kernel that shears in double precision displaces a vertex by less than 5 roundings of 2⁻⁵³ of its distance, so by
+/// less than 2⁻⁵⁰. Sixteen times that leaves room for devices which order or contract the same operations differently,
+/// and is still a four-millionth of a single-precision rounding.
 pub const NEARNESS: f64 = 1.0 / (1_u64 << -NEARNESS_LOG2) as f64;
 
 /// A line's meeting with a triangle, as careful tracers may see it.
@@ -32,8 +33,8 @@ pub struct Contact {
     pub hit: Option<f32>,
     /// Whether it is a hit, and not near an edge.
     pub certain: bool,
-    /// Least and greatest distance, in units of the direction, that a tracer within the tolerances can find, before it is rounded
-    /// to single precision.
+    /// Least and greatest distance, in units of the direction, that a tracer within the tolerances can find, before it
+    /// is rounded to single precision.
     pub t: [f64; 2],
 }
 
@@ -141,16 +142,16 @@ impl Pair {
     }
 }
 
-/// `numerator / denominator · 2^exponent` in single precision: to nearest, to even where that is a draw, and to the least number of
-/// its sign where it would vanish.
+/// `numerator / denominator · 2^exponent` in single precision: to nearest, to even where that is a draw, and to the
+/// least number of its sign where it would vanish.
 fn rounded_ratio(numerator: &IBig, denominator: &IBig, exponent: i32) -> f32 {
     if numerator.is_zero() {
         return 0.0;
     }
     let negative = (*numerator < IBig::ZERO) != (*denominator < IBig::ZERO);
     let [numerator, denominator] = [numerator, denominator].map(|x| x.clone().abs());
-    // A quotient of 40 or 41 bits and, in the bit below, whether anything is left over: rounding it to fewer bits, of which single
-    // precision has 24 at most, is rounding the ratio.
+    // A quotient of 40 or 41 bits and, in the bit below, whether anything is left over: rounding it to fewer bits, of
+    // which single precision has 24 at most, is rounding the ratio.
     let shift = 40 + denominator.bit_len() as i32 - numerator.bit_len() as i32;
     let (quotient, rest) = if shift >= 0 {
         (numerator << shift as usize).div_rem(&denominator)
@@ -168,7 +169,8 @@ fn rounded_ratio(numerator: &IBig, denominator: &IBig, exponent: i32) -> f32 {
     if negative { -magnitude } else { magnitude }
 }
 
-/// The distance at which the line through a valid `ray` meets a finite `triangle`, rounded once; limits of `t` are not looked at.
+/// The distance at which the line through a valid `ray` meets a finite `triangle`, rounded once; limits of `t` are not
+/// looked at.
 #[must_use]
 pub fn hit(ray: &Ray, triangle: &Triangle) -> Option<f32> {
     let pair = Pair::new(ray, triangle);
@@ -278,7 +280,8 @@ mod tests {
         assert_eq!(ratio((1 << 35) - (1 << 10) - 1, 1, 93), f32::MAX);
     }
 
-    // Guards against: a swapped sign in one edge function, a forgotten factor of the exponent, an edge that does not belong.
+    // Guards against: a swapped sign in one edge function, a forgotten factor of the exponent, an edge that does not
+    // belong.
     #[test]
     fn hits_misses_and_edges_are_told_apart() {
         let inside = contact(&down(0.25, 0.25), &UNIT).expect("inside");
@@ -306,8 +309,8 @@ mod tests {
         assert_eq!(hit(&ray, &UNIT), None);
     }
 
-    // Guards against: a tolerance that grows with products of coordinates, as it once did, or with anything but the ray's own
-    // distances.
+    // Guards against: a tolerance that grows with products of coordinates, as it once did, or with anything but the
+    // ray's own distances.
     #[test]
     fn nearness_is_a_share_of_the_distance_to_the_triangle() {
         for scale in [1e-30_f32, 1.0, 1e30] {

@@ -1,12 +1,13 @@
 //! The promises of raybalance as a suite that anybody can run on any device.
 //!
-//! [`Suite`] holds the cases; it traces each on a [`rt_core::Device`], judges every hit without looking at how the device
-//! found it, and counts. What a count stands for is a [`Promise`]; how sure it is say Clopper–Pearson bounds ([`stats`]).
+//! [`Suite`] holds the cases; it traces each on a [`rt_core::Device`], judges every hit without looking at how the
+//! device found it, and counts. What a count stands for is a [`Promise`]; how sure it is say Clopper–Pearson bounds
+//! ([`stats`]).
 //!
 //! What the cases are made of is here as well, for other tests to use:
 //!
-//! * [`mod@reference`]: the one right answer for a ray, and what tracers of other definitions may say ([`exact`] decides one
-//!   triangle); [`brute`]: the same by the kernels' own test.
+//! * [`mod@reference`]: the one right answer for a ray, and what tracers of other definitions may say ([`exact`]
+//!   decides one triangle); [`brute`]: the same by the kernels' own test.
 //! * [`shapes`], [`rays`]: triangles and rays that make trouble; [`closed`]: surfaces that no ray may leave.
 //! * [`accuracy`]: hits compared with double precision, and with the exact reference on a sample.
 //! * [`tree`]: triangles turned into scenes, and `rt_bvh`'s own answers.

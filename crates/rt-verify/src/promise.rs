@@ -11,8 +11,8 @@ pub enum Promise {
     Watertight = 1,
     /// No mesh makes the builder panic, hang or exceed the depth that traversal has room for.
     AnyMesh = 2,
-    /// Every ray has the one right hit, to the last bit of its distance. Tracers that follow another definition of a hit are held
-    /// to it on rays that are not ambiguous to them, and to the candidates on others.
+    /// Every ray has the one right hit, to the last bit of its distance. Tracers that follow another definition of a
+    /// hit are held to it on rays that are not ambiguous to them, and to the candidates on others.
     Agreement = 3,
     /// Of hits at the same distance the lowest primitive id is reported.
     Ties = 4,

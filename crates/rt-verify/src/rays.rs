@@ -124,7 +124,8 @@ mod tests {
             assert!(rays.iter().all(|(ray, _)| ray.is_valid()));
             assert_eq!(rays[17], maker.ray(aim, 17));
             let hits = rays.iter().filter(|(ray, origin)| brute::any(&triangles, ray, *origin)).count();
-            // Of those aimed at an edge, some pass just beside the silhouette; inside a sphere, nothing is in the shadow.
+            // Of those aimed at an edge, some pass just beside the silhouette; inside a sphere, nothing is in the
+            // shadow.
             let least = match aim {
                 Aim::Interior | Aim::Edge | Aim::Vertex => 180,
                 Aim::Shadow => 0,

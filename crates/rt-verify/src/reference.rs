@@ -1,12 +1,12 @@
 //! The nearest hit of a ray with a set of triangles, decided in whole numbers.
 //!
-//! A hit is defined exactly (`rt_core::intersect`), so every ray has one right answer: a triangle and the bits of its distance, or
-//! a miss. That is what our own devices are held to, on every ray ([`Verdict::is_right`]).
+//! A hit is defined exactly (`rt_core::intersect`), so every ray has one right answer: a triangle and the bits of its
+//! distance, or a miss. That is what our own devices are held to, on every ray ([`Verdict::is_right`]).
 //!
 //! Tracers that follow another definition, in double precision or less, may rightly differ where the ray comes within
-//! [`crate::exact::NEARNESS`] of a triangle's edge, where two hits are a few roundings apart, or where a hit lies at a limit of `t`:
-//! such a ray is *ambiguous* to them ([`Verdict::admits`]). Whether it is says this module alone, never a comparison of tracers, and
-//! an ambiguous ray must still hit one of its candidates.
+//! [`crate::exact::NEARNESS`] of a triangle's edge, where two hits are a few roundings apart, or where a hit lies at a
+//! limit of `t`: such a ray is *ambiguous* to them ([`Verdict::admits`]). Whether it is says this module alone, never a
+//! comparison of tracers, and an ambiguous ray must still hit one of its candidates.
 
 use crate::brute;
 use crate::exact::{self, Contact, NEARNESS};
@@ -221,7 +221,8 @@ impl<'a> Reference<'a> {
     }
 }
 
-/// How a valid `ray` meets one triangle, whatever is before it, as tracers of other definitions may see it; `None` for a clear miss.
+/// How a valid `ray` meets one triangle, whatever is before it, as tracers of other definitions may see it; `None` for
+/// a clear miss.
 #[must_use]
 pub fn meeting(ray: &Ray, primitive: u32, triangle: &Triangle) -> Option<Nearest> {
     decide(ray, primitive, triangle).1
@@ -259,8 +260,8 @@ fn nearest_of(meetings: &[(Option<Right>, Option<Nearest>)], triangles: &[Triang
     let mut candidates: Vec<Nearest> = Vec::new();
     let mut seen = HashSet::new();
     for candidate in seen_by_others().filter(|c| sure.is_none_or(|sure| c.t[0] <= sure)) {
-        // The same three vertices make the same `t` in every tracer, so of duplicates only the lowest id can win. Adding
-        // zero makes the two zeros one.
+        // The same three vertices make the same `t` in every tracer, so of duplicates only the lowest id can win.
+        // Adding zero makes the two zeros one.
         let corners = triangles[candidate.primitive as usize].vertices();
         if seen.insert(corners.map(|p| p.to_array().map(|x| (x + 0.0).to_bits()))) {
             candidates.push(candidate);
@@ -276,7 +277,8 @@ struct Line {
     axes: [usize; 3],
 }
 
-/// Twice the share of R · S, below, that a line within [`NEARNESS`] of a triangle can make an edge function's sign wrong by.
+/// Twice the share of R · S, below, that a line within [`NEARNESS`] of a triangle can make an edge function's sign
+/// wrong by.
 const DOUBT: f64 = 16.0 * NEARNESS;
 
 impl Line {
@@ -290,11 +292,12 @@ impl Line {
     /// Marks with 1 the triangles from `first` on that are not clearly missed. Without branches, so that it compiles
     /// to vector instructions.
     ///
-    /// Let X, Y, Z bound the sheared |x|, |y| and the |z| of the vertices, S = X + Y, and R = S + Z, so that no coordinate relative
-    /// to the origin is above R and no distance above √3·R. A line within [`NEARNESS`] N of the triangle passes it, in the sheared
-    /// plane, by at most √3 times that: r ≤ 3·N·R. Displaced by r it meets the triangle, and edge functions have one sign; each
-    /// changes by at most r times the length of its edge, 2·S and what S itself changes by. So no two edge functions can be beyond
-    /// 6·N·R·(S + 3·N·R) on opposite sides. Rounding adds some 2⁻⁵³ of R·S, far below the rest of `DOUBT`.
+    /// Let X, Y, Z bound the sheared |x|, |y| and the |z| of the vertices, S = X + Y, and R = S + Z, so that no
+    /// coordinate relative to the origin is above R and no distance above √3·R. A line within [`NEARNESS`] N of the
+    /// triangle passes it, in the sheared plane, by at most √3 times that: r ≤ 3·N·R. Displaced by r it meets the
+    /// triangle, and edge functions have one sign; each changes by at most r times the length of its edge, 2·S and what
+    /// S itself changes by. So no two edge functions can be beyond 6·N·R·(S + 3·N·R) on opposite sides. Rounding adds
+    /// some 2⁻⁵³ of R·S, far below the rest of `DOUBT`.
     fn filter(&self, coordinates: &[Vec<f32>; 9], first: usize, kept: &mut [u8]) {
         let n = kept.len();
         let of = |vertex: usize| self.axes.map(|axis| &coordinates[3 * vertex + axis][first..][..n]);

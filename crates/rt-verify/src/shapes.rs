@@ -109,8 +109,8 @@ pub fn box_grid(side: u32) -> Vec<Triangle> {
 /// Radius of the tube of [`torus`], whose ring has radius 1.
 pub const TORUS_TUBE: f32 = 0.4;
 
-/// A closed torus in the plane of x and z around the origin: a ring of radius 1 with a tube of radius [`TORUS_TUBE`], of
-/// `around × across` cells with two triangles each.
+/// A closed torus in the plane of x and z around the origin: a ring of radius 1 with a tube of radius [`TORUS_TUBE`],
+/// of `around × across` cells with two triangles each.
 #[must_use]
 pub fn torus(around: u32, across: u32) -> Vec<Triangle> {
     let vertex = |i: u32, j: u32| {
@@ -151,8 +151,8 @@ pub fn mixed_scales(count: u32, seed: u32) -> Vec<Triangle> {
     soup(count, 0.5, seed).into_iter().enumerate().map(triangle).collect()
 }
 
-/// `count` triangles of size 10⁻³⁰ around the origin, of size 1 and of size 3·10³⁸, in turn: more magnitudes than a unit can be
-/// chosen for.
+/// `count` triangles of size 10⁻³⁰ around the origin, of size 1 and of size 3·10³⁸, in turn: more magnitudes than a
+/// unit can be chosen for.
 #[must_use]
 pub fn far_apart(count: u32, seed: u32) -> Vec<Triangle> {
     // Coordinates of the soup are at most 1.25 times that.
@@ -160,8 +160,9 @@ pub fn far_apart(count: u32, seed: u32) -> Vec<Triangle> {
     soup(count, 0.5, seed).into_iter().enumerate().map(|(i, t)| t.scaled(SIZES[i % 3])).collect()
 }
 
-/// `count` triangles of size 10⁻¹⁴ around the origin before a square of half edge 50, and one triangle at 10⁷ that makes the scene
-/// large: double precision cannot tell the small ones from points when it looks from some hundred units away.
+/// `count` triangles of size 10⁻¹⁴ around the origin before a square of half edge 50, and one triangle at 10⁷ that
+/// makes the scene large: double precision cannot tell the small ones from points when it looks from some hundred units
+/// away.
 #[must_use]
 pub fn tiny_and_far(count: u32, seed: u32) -> Vec<Triangle> {
     let [a, b, c, d] = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]].map(|[x, y]| Vec3::new(x, y, -2.0));
@@ -192,8 +193,8 @@ pub fn lattice(count: u32, seed: u32) -> Vec<Triangle> {
     (0..count).map(|i| Triangle::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect()
 }
 
-/// A closed cube of half edge 1 whose faces are grids of 2, 4 and 8 cells by axis: where they meet, vertices of one lie on edges of
-/// the other, exactly.
+/// A closed cube of half edge 1 whose faces are grids of 2, 4 and 8 cells by axis: where they meet, vertices of one lie
+/// on edges of the other, exactly.
 #[must_use]
 pub fn junctions() -> Vec<Triangle> {
     let grids = [2, 4, 8].map(box_grid);

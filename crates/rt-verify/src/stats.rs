@@ -40,7 +40,8 @@ fn beta(a: f64, b: f64, p: f64) -> f64 {
     checked_beta_reg(a, b, p).unwrap_or(f64::NAN)
 }
 
-/// Where an increasing function of a probability reaches `value`: bisection of the logarithm, since rates of 10⁻⁸ matter.
+/// Where an increasing function of a probability reaches `value`: bisection of the logarithm, since rates of 10⁻⁸
+/// matter.
 fn solve(increasing: impl Fn(f64) -> f64, value: f64) -> f64 {
     let (mut low, mut high) = (-60.0_f64, 0.0_f64);
     // Each step halves an interval of 60: after 60 the rest is below the last place.
@@ -63,8 +64,8 @@ fn wilson(k: f64, n: f64) -> [f64; 2] {
     [(middle - half) / scale, (middle + half) / scale]
 }
 
-/// The value below which the share `q` (0 to 1) of the values lies, of those between two neighbours the mean weighted by
-/// distance; `None` without values.
+/// The value below which the share `q` (0 to 1) of the values lies, of those between two neighbours the mean weighted
+/// by distance; `None` without values.
 #[must_use]
 pub fn quantile(values: &[f64], q: f64) -> Option<f64> {
     let mut sorted = values.to_vec();

@@ -35,8 +35,8 @@ impl Extent {
         }
     }
 
-    /// Rays of each line about closed surfaces. There are 15 lines of edge-, vertex- and axis-aimed rays at offsets up to
-    /// 10⁶, which together make 10⁸ in the full suite.
+    /// Rays of each line about closed surfaces. There are 15 lines of edge-, vertex- and axis-aimed rays at offsets up
+    /// to 10⁶, which together make 10⁸ in the full suite.
     #[must_use]
     pub const fn rays(self) -> u32 {
         match self {
@@ -85,8 +85,8 @@ pub struct Subject {
     pub precision: Precision,
     /// Whether it walks the trees that `rt_bvh` builds. A tracer that builds its own is not judged by ours.
     pub walks_our_trees: bool,
-    /// Whether it promises hits as `rt_core::intersect` defines them: the one right answer to every ray, to the last bit of the
-    /// distance. Others may answer what careful tracers can see (`reference::Verdict::admits`).
+    /// Whether it promises hits as `rt_core::intersect` defines them: the one right answer to every ray, to the last
+    /// bit of the distance. Others may answer what careful tracers can see (`reference::Verdict::admits`).
     pub exact: bool,
 }
 
@@ -267,5 +267,12 @@ impl Exam {
         let reference = Reference::new(&triangles);
         let verdicts = rays.par_chunks(BATCH).flat_map_iter(|batch| reference.resolve_all(batch)).collect();
         Ok(Self { name, triangles, scene, rays, verdicts })
+    }
+
+    /// How many rays are ambiguous, in words. An exact tracer is judged by the one right answer to those too.
+    pub(crate) fn ambiguity(&self) -> String {
+        let all = self.verdicts.iter().filter(|verdict| verdict.is_ambiguous()).count();
+        let ties = self.verdicts.iter().filter(|verdict| verdict.is_tie()).count();
+        format!("{all} of {} rays are ambiguous to inexact tracers, {ties} of them by ties", self.rays.len())
     }
 }

@@ -33,7 +33,7 @@ pub fn obj(data: &[u8]) {
 /// Reads the bytes as a NumPy file of rays.
 pub fn npy(data: &[u8]) {
     let offset = DVec3::new(5e6, 0.0, -0.125);
-    if let Ok(rays) = rt_cli::npy::RayFile::new(data, String::new()).and_then(|file| file.read(offset)) {
+    if let Ok(rays) = rt_scene::npy::RayFile::new(data, String::new()).and_then(|file| file.read(offset)) {
         assert!(rays.len() * size_of::<rt_core::Ray>() <= data.len(), "more rays than the file holds");
     }
 }

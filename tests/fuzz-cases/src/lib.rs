@@ -1,8 +1,8 @@
 //! What raybalance's fuzz targets do with their bytes.
 //!
 //! Each case takes any bytes and panics if a promise is broken: no panic, hang or wrong answer whatever comes in. The
-//! programs in `fuzz/fuzz_targets` hand them to libFuzzer (`cargo xtask fuzz`); the test `corpus` of this package replays
-//! `fuzz/corpus`, where every input that once broke something stays.
+//! programs in `fuzz/fuzz_targets` hand them to libFuzzer (`cargo xtask fuzz`); the test `corpus` of this package
+//! replays `fuzz/corpus`, where every input that once broke something stays.
 #![forbid(unsafe_code)]
 
 mod bytes;

@@ -11,8 +11,8 @@ use rt_verify::reference::Reference;
 /// Most triangles and rays of an input: whole numbers are slow.
 const MOST: usize = 24;
 
-/// Builds a scene and traces rays: every pair has the hit, and every ray the nearest hit, that whole numbers say, to the last bit
-/// of the distance, in the coordinates of the file and in those of the tree.
+/// Builds a scene and traces rays: every pair has the hit, and every ray the nearest hit, that whole numbers say, to
+/// the last bit of the distance, in the coordinates of the file and in those of the tree.
 pub fn predicates(data: &[u8]) {
     let mut bytes = Bytes(data);
     let mut triangles = Vec::new();

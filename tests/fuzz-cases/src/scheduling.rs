@@ -32,7 +32,7 @@ fn model(bytes: &mut Bytes<'_>) -> CostModel {
     CostModel::new(seconds(), seconds(), seconds(), seconds()).unwrap_or_default()
 }
 
-/// What a task's cost may be rounded by, in units of the dearest task's: what LPT says of itself, doubled.
+/// What a task's cost may be rounded by, in units of the most expensive task's: what LPT says of itself, doubled.
 const ROUNDING: f64 = 1.0 / (1 << 18) as f64;
 
 /// The predicted seconds are those of the lists, and no schedule is faster than what no schedule can beat.
@@ -42,8 +42,8 @@ fn check_seconds(policy: &str, schedule: &Schedule, work: &[Work], devices: &[Co
     for (device, (list, said)) in schedule.lists().iter().zip(schedule.seconds()).enumerate() {
         let launch = if list.is_empty() { 0.0 } else { devices[device].per_launch() };
         let seconds = launch + list.iter().map(|&task| rows[device][task as usize]).sum::<f64>();
-        let dearest = rows[device].iter().copied().fold(0.0, f64::max);
-        let tolerance = ROUNDING * dearest * list.len() as f64 + 1e-9 * seconds;
+        let highest = rows[device].iter().copied().fold(0.0, f64::max);
+        let tolerance = ROUNDING * highest * list.len() as f64 + 1e-9 * seconds;
         assert!((said - seconds).abs() <= tolerance, "{policy}: {said} s said of a list of {seconds} s");
         makespan = makespan.max(seconds);
     }

@@ -2,18 +2,23 @@
 //!
 //! `cargo run --release -p rt-tests --bin parity -- --rays 100000 [--scene NAME] [--seed N] [--json FILE]`, with the
 //! environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
-//! ours is wrong. Embree is left out, with the reason, where its library is missing; `RT_REQUIRE=embree` forbids that.
+//! ours is wrong, 2 when an option is. Embree is left out, with the reason, where its library is missing;
+//! `RT_REQUIRE=embree` forbids that.
 //!
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
 //! another of the admitted answers than a tree; wrong answers, over all builders, both layouts, both careful precisions
-//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray and by
-//! kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
+//! and both queries. Then, for each tracer that works in single precision: wrong answers to both queries by kind of ray
+//! and by kind of error, and answers that are another one of tied hits. [`rt_tests::judge`] says what is wrong.
 #![forbid(unsafe_code)]
 
+use anyhow::{Context, Error, Result, bail};
 use rt_bvh::{Builder, WideTree};
 use rt_conformance::is_required;
 use rt_core::{Device, Precision, Query, StreamSpec};
+use rt_report::print::{Stdout, note};
+use rt_report::usage::usage;
+use rt_report::{Provenance, exit};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
 use rt_tests::parity::{Exam, Kind};
@@ -21,6 +26,7 @@ use rt_tests::peers;
 use rt_tests::scenes::{self, RealScene};
 use rt_verify::tree;
 use serde_json::{Value, json};
+use std::io::{self, Write};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
@@ -39,48 +45,41 @@ struct Arguments {
 type Peers = Vec<(String, Arc<dyn Device>, Precision)>;
 
 fn main() -> ExitCode {
-    match arguments().and_then(|arguments| run(&arguments)) {
-        Ok(0) => ExitCode::SUCCESS,
-        Ok(wrong) => {
-            eprintln!("{wrong} wrong answers");
-            ExitCode::FAILURE
-        }
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::from(2)
-        }
-    }
+    exit::main(|| match run(&arguments()?)? {
+        0 => Ok(()),
+        wrong => bail!("{wrong} wrong answers of ours"),
+    })
 }
 
-fn arguments() -> Result<Arguments, String> {
+fn arguments() -> Result<Arguments> {
     let mut found = Arguments { rays: 100_000, scene: None, seed: 1, json: None };
     let mut words = std::env::args().skip(1);
     while let Some(name) = words.next() {
-        let value = words.next().ok_or_else(|| format!("{name}: a value is missing; {USAGE}"))?;
-        let number = || value.parse::<u32>().map_err(|e| format!("{name} {value}: {e}; {USAGE}"));
+        let value = words.next().ok_or_else(|| usage(format!("{name}: a value is missing; {USAGE}")))?;
+        let number = || value.parse::<u32>().map_err(|e| usage(format!("{name} {value}: {e}; {USAGE}")));
         match name.as_str() {
             "--rays" => found.rays = number()?,
             "--seed" => found.seed = number()?,
             "--scene" => found.scene = Some(value),
             "--json" => found.json = Some(value.into()),
-            _ => return Err(format!("{name}: no such option; {USAGE}")),
+            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
         }
     }
     Ok(found)
 }
 
 /// Returns the number of wrong answers of ours.
-fn run(arguments: &Arguments) -> Result<usize, String> {
-    let mut scenes = scenes::find()?;
+fn run(arguments: &Arguments) -> Result<usize> {
+    let mut scenes = scenes::find().map_err(Error::msg)?;
     scenes.retain(|scene| arguments.scene.as_ref().is_none_or(|name| *name == scene.name));
     if scenes.is_empty() {
-        return Err(format!("no scene of that name in the folder of {}", scenes::VARIABLE));
+        bail!("no scene of that name in the folder of {}", scenes::VARIABLE);
     }
     let (found, missing) = peers::all();
     if let Some(reason) = missing.first().filter(|_| is_required("embree")) {
-        return Err(format!("required by RT_REQUIRE, but missing: {reason}"));
+        bail!("required by RT_REQUIRE, but missing: {reason}");
     }
-    missing.iter().for_each(|reason| println!("left out: {reason}"));
+    missing.iter().try_for_each(|reason| writeln!(Stdout, "left out: {reason}"))?;
     let named = |device: Arc<dyn Device>| (device.info().name.clone(), device, Precision::default());
     let mut peers: Peers = vec![("our fast".to_owned(), Arc::new(FakeDevice::honest()), Precision::Fast)];
     peers.extend(found.into_iter().map(named));
@@ -91,35 +90,38 @@ fn run(arguments: &Arguments) -> Result<usize, String> {
         reports.push(report);
     }
     if let Some(path) = &arguments.json {
-        let report = json!({ "rays": arguments.rays, "seed": arguments.seed, "left_out": missing, "scenes": reports });
-        std::fs::write(path, format!("{report:#}\n")).map_err(|e| format!("--json {}: {e}", path.display()))?;
+        let provenance = Provenance::now(arguments.seed, peers.iter().map(|(name, ..)| name.clone()));
+        let report =
+            json!({ "provenance": provenance, "rays": arguments.rays, "left_out": missing, "scenes": reports });
+        std::fs::write(path, format!("{report:#}\n")).with_context(|| format!("--json {}", path.display()))?;
     }
     Ok(wrong)
 }
 
-fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(usize, Value), String> {
+fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(usize, Value)> {
     let begin = Instant::now();
-    let model = scene.load()?;
+    let model = scenes::load(scene).map_err(Error::msg)?;
     let triangles = scenes::triangles(&model);
-    let camera = model.view.map(|view| view.camera()).transpose().map_err(|e| format!("{}: {e}", scene.name))?;
+    let camera = model.view.map(|view| view.camera()).transpose().with_context(|| scene.name.clone())?;
     let exam = Exam::new(&triangles, camera.as_ref(), arguments.rays, arguments.seed);
     let (mut hits, mut wrong) = (0, 0);
     for &builder in Builder::ALL {
-        let tree = tree::build(&triangles, builder)?;
+        let tree = tree::build(&triangles, builder).map_err(Error::msg)?;
         let wide = WideTree::new(&tree);
         for precision in [Precision::Robust, Precision::Double] {
             for query in [Query::Closest, Query::Any] {
                 for marks in [exam.mark(&tree, query, precision), exam.mark_wide(&wide, query, precision)] {
                     (hits, wrong) = (marks.hits, wrong + marks.disagreements);
                     if let Some(first) = marks.first {
-                        eprintln!("{}, {builder}, {precision:?}: {first}", scene.name);
+                        note(format_args!("{}, {builder}, {precision:?}: {first}", scene.name));
                     }
                 }
             }
         }
     }
     let ambiguity = exam.ambiguity();
-    println!(
+    writeln!(
+        Stdout,
         "\n{}: {} triangles, {} rays: {hits} hit, {} ambiguous; of {} random ones {} ties, {} doubtful; \
          {wrong} WRONG answers of ours; {:.1} s",
         scene.name,
@@ -130,9 +132,9 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
         ambiguity.random_ties,
         ambiguity.random_doubtful,
         begin.elapsed().as_secs_f64()
-    );
-    let scene_of_peers = tree::build(&triangles, Builder::Sah)?;
-    header();
+    )?;
+    let scene_of_peers = tree::build(&triangles, Builder::Sah).map_err(Error::msg)?;
+    header()?;
     let mut reports = Vec::new();
     for (name, device, precision) in peers {
         let judged = [Query::Closest, Query::Any].map(|query| {
@@ -141,11 +143,11 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
         });
         match judged {
             [Ok(closest), Ok(any)] => {
-                row(name, &closest, &any);
+                row(name, &closest, &any)?;
                 reports.push(json!({ "tracer": name, "closest": tallies(&closest), "any": tallies(&any) }));
             }
             [Err(reason), _] | [_, Err(reason)] => {
-                println!("  {name:<22} failed: {reason}");
+                writeln!(Stdout, "  {name:<22} failed: {reason}")?;
                 reports.push(json!({ "tracer": name, "failed": reason }));
             }
         }
@@ -165,19 +167,22 @@ fn examine(scene: &RealScene, arguments: &Arguments, peers: &Peers) -> Result<(u
     Ok((wrong, report))
 }
 
-fn header() {
-    print!("  {:<22} {:>8} {:>8}", "wrong answers of", "queries", "all");
-    Kind::ALL.into_iter().for_each(|kind| print!(" {:>11}", kind.name()));
-    println!(" | {:>8} {:>8} {:>8} {:>8} | {:>8}", "misses", "hits", "order", "distance", "ties");
+fn header() -> io::Result<()> {
+    write!(Stdout, "  {:<22} {:>8} {:>8}", "wrong answers of", "queries", "all")?;
+    Kind::ALL.into_iter().try_for_each(|kind| write!(Stdout, " {:>11}", kind.name()))?;
+    writeln!(Stdout, " | {:>8} {:>8} {:>8} {:>8} | {:>8}", "misses", "hits", "order", "distance", "ties")
 }
 
-fn row(name: &str, closest: &[Tally], any: &[Tally]) {
+fn row(name: &str, closest: &[Tally], any: &[Tally]) -> io::Result<()> {
     let mut all = Tally::new();
     closest.iter().chain(any).for_each(|tally| all.merge(tally.clone()));
-    print!("  {name:<22} {:>8} {:>8}", all.rays, all.errors());
-    closest.iter().zip(any).for_each(|(closest, any)| print!(" {:>11}", closest.errors() + any.errors()));
+    write!(Stdout, "  {name:<22} {:>8} {:>8}", all.rays, all.errors())?;
+    closest
+        .iter()
+        .zip(any)
+        .try_for_each(|(closest, any)| write!(Stdout, " {:>11}", closest.errors() + any.errors()))?;
     let Tally { false_misses, false_hits, order, distance, ties, .. } = all;
-    println!(" | {false_misses:>8} {false_hits:>8} {order:>8} {distance:>8} | {ties:>8}");
+    writeln!(Stdout, " | {false_misses:>8} {false_hits:>8} {order:>8} {distance:>8} | {ties:>8}")
 }
 
 fn tallies(of: &[Tally]) -> Value {

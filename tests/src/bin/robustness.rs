@@ -1,25 +1,30 @@
 //! Tries the promises on our devices and on other tracers with the same harness, and writes the tables of
 //! docs/results/robustness.md.
 //!
-//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE]
-//! [--json FILE] [--limit SECONDS]`: the first device of Vulkan and of wgpu through the system's loader, Embree as the
-//! environment variable `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose name contains the word.
-//! `--markdown` replaces what the file has between its two marker lines.
+//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE] [--json FILE] [--limit SECONDS]`:
+//! the first device of Vulkan and of wgpu through the system's loader, Embree as the environment variable
+//! `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose
+//! name contains the word. `--markdown` replaces what the file has between its two marker lines.
 //!
 //! Every case of every tracer runs in a process of its own, since some tracers abort or hang: that is a result too.
 #![forbid(unsafe_code)]
 
+use anyhow::{Context, Result, anyhow};
 use backend_cpu::CpuDevice;
 use backend_vulkan::{Options as VulkanOptions, VulkanDevice};
 use backend_wgpu::{Options as WgpuOptions, WgpuDevice};
 use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Precision};
+use rt_report::print::{Stdout, note};
+use rt_report::usage::usage;
+use rt_report::{Provenance, exit};
 use rt_scene::builtin;
 use rt_tests::peers;
 use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use std::fmt::{Display, Write};
+use std::fmt::{Display, Write as _};
+use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode, Stdio};
 use std::sync::Arc;
@@ -72,16 +77,10 @@ struct Contender {
 }
 
 fn main() -> ExitCode {
-    match arguments().and_then(|arguments| run(&arguments)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(message) => {
-            eprintln!("{message}");
-            ExitCode::from(2)
-        }
-    }
+    exit::main(|| run(&arguments()?))
 }
 
-fn arguments() -> Result<Arguments, String> {
+fn arguments() -> Result<Arguments> {
     // The builder that the command takes by default.
     let options = Options { builder: Builder::Ploc(PlocQuality::Medium), ..Options::default() };
     let limit = Duration::from_secs(600);
@@ -92,8 +91,8 @@ fn arguments() -> Result<Arguments, String> {
             found.options.extent = Extent::Full;
             continue;
         }
-        let value = words.next().ok_or_else(|| format!("{name}: a value is missing; {USAGE}"))?;
-        let number = || value.parse::<u32>().map_err(|e| format!("{name} {value}: {e}; {USAGE}"));
+        let value = words.next().ok_or_else(|| usage(format!("{name}: a value is missing; {USAGE}")))?;
+        let number = || value.parse::<u32>().map_err(|e| usage(format!("{name} {value}: {e}; {USAGE}")));
         match name.as_str() {
             "--rays" => found.options.rays = Some(number()?),
             "--seed" => found.options.seed = number()?,
@@ -102,17 +101,17 @@ fn arguments() -> Result<Arguments, String> {
             "--json" => found.json = Some(value.into()),
             "--limit" => found.limit = Duration::from_secs(number()?.into()),
             // Not for people: how this program calls itself.
-            "--task" => found.task = Some((value, words.next().ok_or(USAGE)?)),
-            _ => return Err(format!("{name}: no such option; {USAGE}")),
+            "--task" => found.task = Some((value, words.next().ok_or_else(|| usage(USAGE))?)),
+            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
         }
     }
     Ok(found)
 }
 
-/// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for it in
-/// vain.
-fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>), String> {
-    let cpu = CpuDevice::open_all(&[0]).map_err(|e| e.to_string())?.pop().ok_or("no CPU device")?;
+/// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for
+/// it in vain.
+fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>)> {
+    let cpu = CpuDevice::open_all(&[0])?.pop().context("no CPU device")?;
     let cpu: Arc<dyn Device> = Arc::new(cpu);
     let own =
         |name: String, device: Arc<dyn Device>, precision| Contender { name, subject: Subject::new(device, precision) };
@@ -160,60 +159,59 @@ fn first<D: Device + 'static, E: Display>(devices: Vec<Result<D, E>>) -> Opened 
     Err(reason)
 }
 
-fn run(arguments: &Arguments) -> Result<(), String> {
+fn run(arguments: &Arguments) -> Result<()> {
     let wanted = arguments.task.as_ref().map(|(name, _)| name.as_str());
     let (mut contenders, missing) = contenders(wanted)?;
     if let Some((name, case)) = &arguments.task {
-        let contender = contenders.iter().find(|c| c.name == *name).ok_or_else(|| format!("no tracer {name}"))?;
+        let contender = contenders.iter().find(|c| c.name == *name).with_context(|| format!("no tracer {name}"))?;
         return print_case(&arguments.options, contender, case);
     }
-    missing.iter().for_each(|reason| eprintln!("left out: {reason}"));
+    missing.iter().for_each(|reason| note(format_args!("left out: {reason}")));
     contenders.retain(|c| arguments.only.as_ref().is_none_or(|word| c.name.contains(word.as_str())));
     let reports = contenders.iter().map(|c| examine(arguments, &c.name)).collect::<Result<Vec<_>, _>>()?;
     let tables = tables(&arguments.options, &reports)?;
     match &arguments.markdown {
         Some(path) => replace(path, &tables)?,
-        None => print!("{tables}"),
+        None => write!(Stdout, "{tables}")?,
     }
     if let Some(path) = &arguments.json {
         let options = &arguments.options;
-        let command: Vec<String> = std::env::args().skip(1).collect();
+        let provenance = Provenance::now(options.seed, reports.iter().map(|report| report.name.clone()));
         let all = json!({
-            "schema": 1, "command": command, "extent": options.extent.name(), "seed": options.seed,
+            "schema": 2, "provenance": provenance, "extent": options.extent.name(),
             "rays": options.rays, "builder": options.builder.to_string(), "tracers": reports,
         });
-        let text = serde_json::to_string_pretty(&all).map_err(|e| e.to_string())?;
-        fs::write(path, text).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        let text = serde_json::to_string_pretty(&all)?;
+        fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(())
 }
 
 /// Tries one case in this process.
-fn print_case(options: &Options, contender: &Contender, case: &str) -> Result<(), String> {
+fn print_case(options: &Options, contender: &Contender, case: &str) -> Result<()> {
     let suite = Suite::new(*options, vec![builtin::yard(), builtin::car()]);
-    let report = suite.run_case(case, &contender.subject, Watch::default()).map_err(|e| e.to_string())?;
-    println!("{}", serde_json::to_string(&report.rows).map_err(|e| e.to_string())?);
+    let report = suite.run_case(case, &contender.subject, Watch::default())?;
+    writeln!(Stdout, "{}", serde_json::to_string(&report.rows)?)?;
     Ok(())
 }
 
 /// Tries every case, each in a process of its own.
-fn examine(arguments: &Arguments, name: &str) -> Result<Report, String> {
+fn examine(arguments: &Arguments, name: &str) -> Result<Report> {
     let mut report = Report { name: name.to_owned(), lines: Vec::new(), crashes: Vec::new() };
     for case in Suite::case_names() {
-        eprint!("{name}: {case} ... ");
         let begin = Instant::now();
         match apart(arguments, name, case)? {
             Ok(mut lines) => report.lines.append(&mut lines),
             Err(how) => report.crashes.push((case.to_owned(), how)),
         }
-        eprintln!("{:.1} s", begin.elapsed().as_secs_f64());
+        note(format_args!("{name}: {case}: {:.1} s", begin.elapsed().as_secs_f64()));
     }
     Ok(report)
 }
 
 /// The lines of one case, or how its process ended instead.
-fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Line>, String>, String> {
-    let mut command = Command::new(std::env::current_exe().map_err(|e| e.to_string())?);
+fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Line>, String>> {
+    let mut command = Command::new(std::env::current_exe()?);
     command.args(["--task", name, case]).args(["--seed", &arguments.options.seed.to_string()]);
     if arguments.options.extent == Extent::Full {
         command.arg("--full");
@@ -222,41 +220,41 @@ fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Lin
         command.args(["--rays", &rays.to_string()]);
     }
     // What a crash has to say is short, and the lines of a case fit into any pipe's reader below.
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().map_err(|e| e.to_string())?;
-    let mut pipe = child.stdout.take().ok_or("no pipe to the process")?;
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
+    let mut pipe = child.stdout.take().context("no pipe to the process")?;
     let reader = thread::spawn(move || {
         let mut text = String::new();
         std::io::Read::read_to_string(&mut pipe, &mut text).map(|_| text)
     });
     let begin = Instant::now();
     let status = loop {
-        if let Some(status) = child.try_wait().map_err(|e| e.to_string())? {
+        if let Some(status) = child.try_wait()? {
             break status;
         }
         if begin.elapsed() > arguments.limit {
-            child.kill().and_then(|()| child.wait()).map_err(|e| e.to_string())?;
+            child.kill().and_then(|()| child.wait())?;
             return Ok(Err(format!("no end after {} s", arguments.limit.as_secs())));
         }
         thread::sleep(Duration::from_millis(20));
     };
-    let text = reader.join().map_err(|_| "the reader of a pipe panicked")?.map_err(|e| e.to_string())?;
+    let text = reader.join().map_err(|_| anyhow!("the reader of a pipe panicked"))??;
     if !status.success() {
         return Ok(Err(format!("the process ended: {status}")));
     }
-    serde_json::from_str(&text).map(Ok).map_err(|e| format!("{name}, {case}: {e}"))
+    serde_json::from_str(&text).map(Ok).with_context(|| format!("{name}, {case}"))
 }
 
 /// Puts the tables between the markers of a file.
-fn replace(path: &PathBuf, tables: &str) -> Result<(), String> {
-    let text = fs::read_to_string(path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;
+fn replace(path: &PathBuf, tables: &str) -> Result<()> {
+    let text = fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
     let missing = || format!("{}: the lines `{}` and `{}` are missing", path.display(), MARKERS[0], MARKERS[1]);
-    let (before, rest) = text.split_once(MARKERS[0]).ok_or_else(missing)?;
-    let (_, after) = rest.split_once(MARKERS[1]).ok_or_else(missing)?;
+    let (before, rest) = text.split_once(MARKERS[0]).with_context(missing)?;
+    let (_, after) = rest.split_once(MARKERS[1]).with_context(missing)?;
     let text = format!("{before}{}\n{tables}{}{after}", MARKERS[0], MARKERS[1]);
-    fs::write(path, text).map_err(|e| format!("cannot write {}: {e}", path.display()))
+    fs::write(path, text).with_context(|| format!("cannot write {}", path.display()))
 }
 
-fn tables(options: &Options, reports: &[Report]) -> Result<String, String> {
+fn tables(options: &Options, reports: &[Report]) -> Result<String> {
     let mut text = String::new();
     let write = |text: &mut String| -> std::fmt::Result {
         writeln!(text, "\nSuite: {}, seed {}, trees by {}.\n", options.extent.name(), options.seed, options.builder)?;
@@ -292,7 +290,7 @@ fn tables(options: &Options, reports: &[Report]) -> Result<String, String> {
         }
         writeln!(text)
     };
-    write(&mut text).map_err(|e| e.to_string())?;
+    write(&mut text)?;
     Ok(text)
 }
 

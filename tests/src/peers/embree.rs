@@ -1,7 +1,7 @@
 //! Embree 4 (I. Wald et al., *Embree: A Kernel Framework for Efficient CPU Ray Tracing*, 2014) as a device.
 //!
-//! Nearest hits go through `embree4-rs`. It has no call for occlusion, so any hits go through [`embree4_sys::Mesh`]: the
-//! same triangles, flags and quality in a scene of their own.
+//! Nearest hits go through `embree4-rs`. It has no call for occlusion, so any hits go through [`embree4_sys::Mesh`]:
+//! the same triangles, flags and quality in a scene of their own.
 
 use super::soup::Soup;
 use super::tracer::{Peer, PeerTracer};

@@ -5,8 +5,8 @@
 //! * [`ObvhsDevice`]: the crate `obvhs`, its two-wide tree or its compressed eight-wide one.
 //!
 //! A peer is given the triangles as their file has them, in the order of their ids, not our tree nor our scaling. It
-//! keeps what its own manual promises and no more: ties go to any triangle, and `t` is as exact as its arithmetic. So it
-//! does not pass the conformance suite, and is not meant to.
+//! keeps what its own manual promises and no more: ties go to any triangle, and `t` is as exact as its arithmetic. So
+//! it does not pass the conformance suite, and is not meant to.
 //!
 //! # Current state and limits
 //!

@@ -91,7 +91,8 @@ impl PeerTracer {
 
 impl Drop for PeerTracer {
     /// Waits for the thread to release what it holds of the other library: a process that ends meanwhile takes that
-    /// library apart under it, which was seen to crash and to hang with Embree. A peer that hangs itself is left behind.
+    /// library apart under it, which was seen to crash and to hang with Embree. A peer that hangs itself is left
+    /// behind.
     fn drop(&mut self) {
         // Closes the channel of jobs, so that the thread ends after its launch.
         drop(std::mem::replace(&mut self.jobs, channel().0));

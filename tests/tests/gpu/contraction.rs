@@ -1,9 +1,10 @@
-//! The canary: what becomes of the kernels on a driver that contracts a·b + c, which the software rasteriser does not do.
+//! The canary: what becomes of the kernels on a driver that contracts a·b + c, which the software rasteriser does not
+//! do.
 //!
 //! Products are fused by force with the sums they feed. The kernels for Vulkan, whose decoration forbids that and is
-//! disregarded, must be found out: by the check at the start, and, where that is passed over, by other hits. The kernels for wgpu, which
-//! cannot carry the decoration, must bear it. So for flushing denormal numbers to zero, which that rasteriser does not
-//! either.
+//! disregarded, must be found out: by the check at the start, and, where that is passed over, by other hits. The
+//! kernels for wgpu, which cannot carry the decoration, must bear it. So for flushing denormal numbers to zero, which
+//! that rasteriser does not either.
 
 use crate::spirv::{Pattern, flattened, flushed, fused};
 use crate::{Backend, Found, hits};
@@ -13,6 +14,7 @@ use naga::back::spv;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use rt_bvh::Builder;
 use rt_core::{Ray, Scene};
+use rt_report::print::note;
 use rt_shaders::{Kernel, Purpose};
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::{shapes, tree};
@@ -22,8 +24,8 @@ use std::sync::Arc;
 /// Rays at edges and vertices of closed meshes, for each pattern: kernels that are not mended fail on one in a hundred.
 const RAYS: u32 = 20_000;
 
-/// The patterns that kernels without defence do not bear. They bear it by luck when only left or only right operands are
-/// fused: then two_product loses the rest of p where the next sum finds it again, being fused with p itself.
+/// The patterns that kernels without defence do not bear. They bear it by luck when only left or only right operands
+/// are fused: then two_product loses the rest of p where the next sum finds it again, being fused with p itself.
 const BREAKING: [Pattern; 2] = [Pattern::Both, Pattern::Scattered];
 
 /// A replacement of kernels, as the backend takes it: a function for each pattern.
@@ -99,9 +101,10 @@ fn compiled(wgsl: &str) -> Vec<u32> {
 }
 
 fn open(found: &Found, replace: Replace) -> Result<VulkanDevice, Failed> {
-    // SAFETY: what this file puts in place is a kernel's own code with products fused into sums, numbers flushed to zero, or
-    // compiled without decorations. So results are rounded otherwise, and another path is taken through a finite tree and its
-    // leaves, whose indices are all valid; nothing else is accessed, and every step visits another node.
+    // SAFETY: what this file puts in place is a kernel's own code with products fused into sums, numbers flushed to
+    // zero, or compiled without decorations. So results are rounded otherwise, and another path is taken through a
+    // finite tree and its leaves, whose indices are all valid; nothing else is accessed, and every step visits another
+    // node.
     let kernels = unsafe { Replacement::new(replace) };
     let options = Options { kernels: Some(kernels), ..Options::default() };
     let devices = VulkanDevice::enumerate(options)?;
@@ -131,7 +134,7 @@ fn breaks(found: &Found, replace: Replace) -> Result<(), Failed> {
     let device = open(found, replace)?;
     for Mesh { scene, rays } in meshes()? {
         if let Err(difference) = hits::compare_rays(&device, &scene, &rays) {
-            println!("as it should: {}", difference.message().unwrap_or_default());
+            note(format_args!("as it should: {}", difference.message().unwrap_or_default()));
             return Ok(());
         }
     }

@@ -8,6 +8,7 @@ use rt_core::{
     Device, Hit, Launch, Query, Ray, RaySource, ReducedWalk, Scene, StreamSpec, TestCounts, Tracer, Triangle, Walk,
     random, tasks_of,
 };
+use rt_report::print::note;
 use rt_scene::Model;
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -18,7 +19,8 @@ use std::sync::Arc;
 /// Rays of each kind of query on each scene.
 const RAYS: u32 = 6_000;
 
-/// Rays that must not leak, for all devices of a backend together. `raybalance verify --full --case watertight` tries 10⁸.
+/// Rays that must not leak, for all devices of a backend together. `raybalance verify --full --case watertight` tries
+/// 10⁸.
 const LEAK_RAYS: u32 = 1_000_000;
 
 /// Of those, rays loaded at once: what every device binds.
@@ -107,8 +109,8 @@ pub(crate) fn compare_rays(device: &dyn Device, scene: &Arc<Scene>, rays: &[(Ray
     Ok(())
 }
 
-/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. The rays are shared
-/// out among the `devices` of a backend.
+/// From inside a closed mesh every ray hits, also those aimed at edges and vertices and along the axes. The rays are
+/// shared out among the `devices` of a backend.
 pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result<(), Failed> {
     let each = LEAK_RAYS.div_ceil(devices as u32).div_ceil(3);
     // Every device has rays of its own.
@@ -127,7 +129,7 @@ pub(crate) fn closed_meshes_do_not_leak(found: &Found, devices: usize) -> Result
             traced += rays.len();
         }
     }
-    println!("{leaks} leaks in {traced} rays");
+    note(format_args!("{leaks} leaks in {traced} rays"));
     if leaks == 0 { Ok(()) } else { Err(format!("{leaks} of {traced} rays leak out of a closed mesh").into()) }
 }
 
@@ -148,7 +150,7 @@ pub(crate) fn inner_ray(triangles: &[Triangle], centre: glam::Vec3, index: u32) 
 }
 
 pub(crate) fn few_random_rays_are_left_to_the_host(found: &Found) -> Result<(), Failed> {
-    // Opened anew: other tests that run beside this one add to their device's tally.
+    // Opened anew: other tests that run beside this one add to their device's counters.
     let device = found.again()?;
     for (name, triangles) in
         [("terrain", shapes::grid(60, 0.2, 1)), ("soup", shapes::soup(5_000, 0.1, 2)), ("sphere", shapes::icosphere(5))]
@@ -157,10 +159,10 @@ pub(crate) fn few_random_rays_are_left_to_the_host(found: &Found) -> Result<(), 
         let maker = RayMaker::new(&triangles, 21);
         let aims = [Aim::Random, Aim::Interior, Aim::Diffuse];
         let rays: Vec<_> = (0..30_000).map(|i| maker.ray(aims[i as usize % 3], i)).collect();
-        let before = device.tally().on_host();
+        let before = device.counters().on_host();
         trace(&*device, &scene, &rays, StreamSpec::default())?;
-        let share = (device.tally().on_host() - before) as f64 / rays.len() as f64;
-        println!("{name}: {share:.5} of the rays on the host");
+        let share = (device.counters().on_host() - before) as f64 / rays.len() as f64;
+        note(format_args!("{name}: {share:.5} of the rays on the host"));
         if share > ON_HOST {
             return Err(format!("{name}: the host had to trace {share:.4} of the rays").into());
         }

@@ -36,8 +36,8 @@ pub(crate) fn too_many_rays_are_refused_with_their_size(found: &Found) -> Result
     Ok(tracer.wait(ticket, LIMIT, &mut Launch::default())?)
 }
 
-/// Where both trees do not fit, the two-wide one does all, and the tracer says so; but not where counts were to be of the wide
-/// one. Fails without the second try, and when that is made whatever was asked for.
+/// Where both trees do not fit, the two-wide one does all, and the tracer says so; but not where counts were to be of
+/// the wide one. Fails without the second try, and when that is made whatever was asked for.
 pub(crate) fn a_card_too_small_for_both_trees_holds_one(found: &Found) -> Result<(), Failed> {
     let open = |memory: u64, layouts: Layouts| -> Result<VulkanDevice, Failed> {
         let options = Options { memory: Some(memory), layouts: Some(layouts), ..Options::default() };

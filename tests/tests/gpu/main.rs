@@ -1,8 +1,9 @@
-//! GPU backends: the conformance suite, bit for bit the processor's hits and counts on real scenes, closed meshes that do
-//! not leak, how many rays are left to the host, and what each backend does when things go wrong.
+//! GPU backends: the conformance suite, bit for bit the processor's hits and counts on real scenes, closed meshes that
+//! do not leak, how many rays are left to the host, and what each backend does when things go wrong.
 //!
-//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed. Without a device
-//! the tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be there.
+//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed. Without a
+//! device the tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be
+//! there.
 
 mod contraction;
 mod hits;
@@ -19,6 +20,7 @@ use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_conformance::{Subject, trials};
 use rt_core::Device;
 use rt_gpu::{FaultInjection, GpuDevice, Tuning};
+use rt_report::print::note;
 use rt_scene::builtin;
 use rt_tests::scenes;
 use std::fmt::Display;
@@ -95,7 +97,7 @@ impl Backend {
 }
 
 impl Found {
-    /// The same device opened anew, for tests that break it or look at its tally.
+    /// The same device opened anew, for tests that break it or look at its counters.
     fn again(&self) -> Opened {
         let position = self.position;
         self.backend.enumerate()?.into_iter().nth(position).ok_or("the device is gone")?
@@ -157,7 +159,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         Ok(scenes) => all.extend(scenes.into_iter().map(|scene| {
             let name = format!("{}_is_the_processors", scene.name);
             found.trial(&name, move |found| {
-                let model = scene.load()?;
+                let model = scenes::load(&scene)?;
                 hits::compare(&*found.device, &model)
             })
         })),
@@ -181,7 +183,7 @@ fn find(backend: Backend) -> (Vec<Found>, Vec<Subject>) {
                 let name = name.split_whitespace().next().unwrap_or("device");
                 let label = format!("{}/{name}/{}", backend.name(), devices.len());
                 let card = device.card();
-                println!("{label}: {} ({}; kernels: {})", card.name, card.driver, card.kernels);
+                note(format_args!("{label}: {} ({}; kernels: {})", card.name, card.driver, card.kernels));
                 devices.push(Found { backend, position, label, device });
             }
             Err(reason) => reasons.push(reason),
@@ -190,6 +192,6 @@ fn find(backend: Backend) -> (Vec<Found>, Vec<Subject>) {
     if devices.is_empty() {
         return missing(reasons.join("; "));
     }
-    reasons.iter().for_each(|reason| println!("{}: {reason}", backend.name()));
+    reasons.iter().for_each(|reason| note(format_args!("{}: {reason}", backend.name())));
     (devices, Vec::new())
 }

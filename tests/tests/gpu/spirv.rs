@@ -24,7 +24,8 @@ impl Pattern {
 
     /// Whether the sum with this id is left as it is.
     const fn leaves(self, id: u32) -> bool {
-        // Multiplicative hashing (Knuth, The Art of Computer Programming, volume 3): the upper bit depends on all others.
+        // Multiplicative hashing (Knuth, The Art of Computer Programming, volume 3): the upper bit depends on all
+        // others.
         matches!(self, Self::Scattered) && id.wrapping_mul(0x9e37_79b9) >> 31 == 0
     }
 }
@@ -113,8 +114,8 @@ struct Fusion {
 
 /// The module with products and sums fused, and how many. What else is decorated stays so: drivers change nothing more.
 ///
-/// Fused by double precision: the product is exact there. The sum is rounded twice, which a fused operation would not do;
-/// it is as wrong for the kernels as that.
+/// Fused by double precision: the product is exact there. The sum is rounded twice, which a fused operation would not
+/// do; it is as wrong for the kernels as that.
 pub(crate) fn fused(words: &[u32], pattern: Pattern) -> (Vec<u32>, usize) {
     let floats = numbers(words, TYPE_FLOAT);
     let fusions = fusions(words, pattern, &products(words, &floats));

@@ -59,9 +59,9 @@ fn check(visits: &[u32], asked: impl Fn(u32) -> u32) -> Result<(), String> {
     }
 }
 
-/// Some tasks in three launches, two of them in flight at once, with rays left out: in one window and in several, a lane for
-/// each ray and persistent ones, with and without counts. What must be seen, is: a task submitted twice, and rays that should
-/// have been left out.
+/// Some tasks in three launches, two of them in flight at once, with rays left out: in one window and in several, a
+/// lane for each ray and persistent ones, with and without counts. What must be seen, is: a task submitted twice, and
+/// rays that should have been left out.
 fn kernels_visit_each_ray_that_is_asked_for_once(found: &Found) -> Result<(), Failed> {
     let (scene, rays) = scene_and_rays()?;
     let tasks = [(100, 900), (1_000, 64), (3_000, 1), (2_000, 700), (4_000, 1_500)];
@@ -115,8 +115,8 @@ fn kernels_visit_each_ray_that_is_asked_for_once(found: &Found) -> Result<(), Fa
     Ok(())
 }
 
-/// Whole runs over all devices of a backend. Fails when rays kept from the estimate are traced again, or a task is given to two
-/// devices.
+/// Whole runs over all devices of a backend. Fails when rays kept from the estimate are traced again, or a task is
+/// given to two devices.
 fn each_ray_once_over_all_devices(backend: Backend) -> Result<(), Failed> {
     let (scene, rays) = scene_and_rays()?;
     let eighth = Fraction::new(0.125).ok_or("a fraction")?;

@@ -7,6 +7,7 @@ use libtest_mimic::Failed;
 use rt_core::bounce::{Departure, Surfaces};
 use rt_core::{BounceRays, Query, Ray, RaySource, StreamSpec, tasks_of};
 use rt_gpu::{GpuDevice, Tuning, bounce};
+use rt_report::print::note;
 use rt_scene::streams::{Paths, Sun, Wave};
 use rt_shaders::{Kernel, Purpose};
 use rt_verify::clock;
@@ -42,9 +43,9 @@ fn bounced() -> Result<Vec<Twins>, Failed> {
     Ok(streams)
 }
 
-/// Hits and counts are those of the same rays made by the host, in one window and in many, and no more bytes are sent than
-/// the rays' departures have. Fails when parts of a window are made at its start, or triangles named by their place in the
-/// two-wide tree.
+/// Hits and counts are those of the same rays made by the host, in one window and in many, and no more bytes are sent
+/// than the rays' departures have. Fails when parts of a window are made at its start, or triangles named by their
+/// place in the two-wide tree.
 pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
     for window in [None, Some(700)] {
         for (made, explicit, spec) in bounced()? {
@@ -59,9 +60,10 @@ pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
             let count = made.len();
             let found = launch(&mut *tracer, &tasks_of(count, 611), None)?;
             let sent = tracer.traffic().uploaded;
-            println!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count));
-            if device.card().software && (device.tally().made() != u64::from(count) || sent > 17 * u64::from(count)) {
-                return Err(format!("{} of {count} rays made, {sent} bytes sent", device.tally().made()).into());
+            note(format_args!("{count} rays, {window:?}: {:.2} bytes each", sent as f64 / f64::from(count)));
+            if device.card().software && (device.counters().made() != u64::from(count) || sent > 17 * u64::from(count))
+            {
+                return Err(format!("{} of {count} rays made, {sent} bytes sent", device.counters().made()).into());
             }
             let (hits, counts) = tree::trace(&car()?.0, spec, &explicit);
             if spec == COUNTED {
@@ -69,8 +71,8 @@ pub(crate) fn are_made_there((_, open): Backend) -> Result<(), Failed> {
             } else if hits.iter().zip(&found.hits).any(|(a, b)| a.is_hit() != b.is_hit()) || counts != found.counts {
                 return Err("other shadows".into());
             }
-            if device.tally().on_host() > u64::from(count) / 50 {
-                return Err(format!("the host had to trace {} of {count} rays", device.tally().on_host()).into());
+            if device.counters().on_host() > u64::from(count) / 50 {
+                return Err(format!("the host had to trace {} of {count} rays", device.counters().on_host()).into());
             }
         }
     }
@@ -87,7 +89,7 @@ pub(crate) fn are_the_hosts_to_the_bit((_, open): Backend) -> Result<(), Failed>
     match device.fault_of_bounces(&trials)? {
         Some(fault) if device.card().software => Err(fault.into()),
         fault => {
-            println!("{} trials: {fault:?}", trials.len());
+            note(format_args!("{} trials: {fault:?}", trials.len()));
             Ok(())
         }
     }
@@ -143,7 +145,7 @@ pub(crate) fn of_a_wrong_kernel_are_the_hosts((name, _): Backend) -> Result<(), 
         let mut tracer = device.tracer(car()?.0, clock)?;
         tracer.load_rays(RaySource::Bounce(Arc::clone(made)), *spec)?;
         let found = launch(&mut *tracer, &tasks_of(made.len(), 1000), None)?;
-        if device.tally().made() != 0 {
+        if device.counters().made() != 0 {
             return Err("a device that makes other rays than the host made some".into());
         }
         let (hits, counts) = tree::trace(&car()?.0, *spec, explicit);

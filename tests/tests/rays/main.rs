@@ -1,5 +1,5 @@
-//! Rays on graphics devices: made there from the camera and from hits, in several buffers, by persistent threads; always the hits and
-//! counts of the processor.
+//! Rays on graphics devices: made there from the camera and from hits, in several buffers, by persistent threads;
+//! always the hits and counts of the processor.
 //!
 //! The first device of each backend is tried, Vulkan's with the validation layer where it is installed. Without one the
 //! tests are ignored with the reason, unless `RT_REQUIRE` names the backend.
@@ -15,6 +15,7 @@ use rt_core::{
     Walk, morton, random, tasks_of,
 };
 use rt_gpu::{GpuDevice, Tuning};
+use rt_report::print::note;
 use rt_scene::{View, builtin};
 use rt_tests::scenes;
 use rt_verify::clock;
@@ -165,19 +166,19 @@ fn camera_rays_are_made_there((_, open): Backend) -> Result<(), Failed> {
         {
             launch(&mut *tracer, asked, None)?;
             let expected = if makes_rays { u64::from(expected) } else { 0 };
-            if device.tally().made() != expected {
-                return Err(format!("{} rays made, not {expected}", device.tally().made()).into());
+            if device.counters().made() != expected {
+                return Err(format!("{} rays made, not {expected}", device.counters().made()).into());
             }
         }
-        let before = device.tally().on_host();
+        let before = device.counters().on_host();
         let found = launch(&mut *tracer, &tasks, None)?;
         let (hits, counts) = on_processor(&rays, COUNTED)?;
         compare(&format!("{size:?}, {samples} samples, {window:?}"), &found, &hits, &counts)?;
         if !hits.iter().any(Hit::is_hit) {
             return Err("the camera looks past the scene".into());
         }
-        let share = (device.tally().on_host() - before) as f64 / f64::from(rays.len());
-        println!("{size:?}, {samples} samples: {share:.5} of the rays on the host");
+        let share = (device.counters().on_host() - before) as f64 / f64::from(rays.len());
+        note(format_args!("{size:?}, {samples} samples: {share:.5} of the rays on the host"));
         // A column and a row of an odd image run along an axis of the camera, not of the scene.
         if share > 0.01 {
             return Err(format!("the host had to trace {share:.4} of the rays").into());
@@ -245,8 +246,8 @@ fn persistent_threads_change_nothing((_, open): Backend) -> Result<(), Failed> {
                 let found = launch(&mut *tracer, &tasks_of(rays.len(), 100), None)?;
                 compare(&format!("{query:?}, {lanes} lanes"), &found, &hits, &counts)?;
             }
-            if device.tally().rays() != 2 * u64::from(rays.len()) {
-                return Err(format!("{lanes} lanes traced {} rays", device.tally().rays()).into());
+            if device.counters().rays() != 2 * u64::from(rays.len()) {
+                return Err(format!("{lanes} lanes traced {} rays", device.counters().rays()).into());
             }
         }
     }
@@ -270,7 +271,7 @@ fn each_ray_that_is_asked_for_is_traced_once((_, open): Backend) -> Result<(), F
     let mut expected: Vec<Hit> = tasks.iter().flat_map(Task::range).map(|ray| hits[ray as usize]).collect();
     expected[500..600].fill(Hit::MISS);
     compare("two tasks", &found, &expected, &counts)?;
-    match device.tally().rays() {
+    match device.counters().rays() {
         1300 => Ok(()),
         other => Err(format!("{other} rays traced, not 1300").into()),
     }

@@ -69,7 +69,7 @@ fn camera_rays() -> Option<Vec<Ray>> {
 fn estimate(scene: &Scene, rays: &[Ray], tasks: &[Task]) -> Option<Vec<Work>> {
     let mut estimator = Sampled::new(rt_core::Walk::Full, Fraction::EIGHTH);
     let stream =
-        RayStream { kind: StreamKind::Primary, coherence: Coherence::Unknown, tasks, seed: 1, part: 0, source: None, devices: 2, blind_excess: 1.0 };
+        RayStream { kind: StreamKind::Primary, coherence: Coherence::Unknown, tasks, seed: 1, wave: 0, source: None, devices: 2, uninformed_excess: 1.0 };
     let Step::Sample { rays: asked, walk } = estimator.next(stream, Observation::default()) else { return None };
     let mut counts = Vec::new();
     let samples = asked.iter().map(|&ray| (rays[ray as usize], u32::MAX));

@@ -3,24 +3,29 @@
 //!
 //! `cargo run --release -p rt-benches --bin ray_query -- SCENE... [--device 0] [--runs 7] [--size 512x512]`
 //!
-//! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute kernel
-//! with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read rays
-//! from a buffer and write four bytes a ray. The peer is not told which triangle a ray leaves: rays of bounces start at 2⁻¹⁶
-//! of the scene's largest coordinate instead.
+//! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute
+//! kernel with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read
+//! rays from a buffer and write four bytes a ray. The peer is not told which triangle a ray leaves: rays of bounces
+//! start at 2⁻¹⁶ of the scene's largest coordinate instead.
 #![deny(unsafe_code)]
 
 mod peer;
 
 use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
 use peer::Peer;
+use rt_balance::clock;
 use rt_balance::stats::{Summary, median};
-use rt_benches::{BenchScene, options};
-use rt_bvh::{BuildOptions, Mesh, build};
-use rt_core::{Device, Hit, Launch, Query, RaySource, Scene, StreamSpec, Tracer, tasks_of};
-use rt_verify::clock;
+use rt_benches::options;
+use rt_bvh::Builder;
+use rt_core::{Device, Hit, Launch, Query, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
+use rt_scene::prepare::Prepared;
 use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The longest a launch may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(300);
@@ -32,47 +37,49 @@ struct Options {
     size: [u32; 2],
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: {}", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    let device = VulkanDevice::enumerate(Open::from_env())?;
+    let device = VulkanDevice::enumerate(Open::from_env()?)?;
     let device = device.into_iter().nth(options.device).ok_or("there is no such device")??;
     let peer = Peer::open(options.device)?;
-    println!("ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name);
+    writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone(), peer.name.clone()]))?;
+    writeln!(Stdout, "ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name)?;
     if device.card().model != peer.model {
         return Err("the two lists of devices differ: choose a --device that is the same card in both".into());
     }
-    println!(
+    writeln!(
+        Stdout,
         "Mray/s of the time in kernels, medians of {} interleaved runs; ours over the peer's pair by pair with its 95% \
-         interval; rays per million with other answers (for any-hit rays: hit or not). Seconds to build the peer's tree: on the device, upload included.\n",
+         interval; rays per million with other answers (for any-hit rays: hit or not). Seconds to build the peer's \
+         tree: on the device, upload included.\n",
         options.runs
-    );
-    println!(
+    )?;
+    writeln!(
+        Stdout,
         "| scene | rays | ours Mray/s | peer Mray/s | ours / peer | other answers ppm | ours built s | peer built s |"
-    );
-    println!("|---|---|---|---|---|---|---|---|");
+    )?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|---|")?;
     for name in &options.scenes {
-        let bench = BenchScene::open(name)?;
-        let mesh = Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-        let begin = Instant::now();
-        let scene = build(mesh, &BuildOptions::default())?.scene;
-        let built_s = begin.elapsed().as_secs_f64();
-        compare(&bench, &scene, built_s, (&device, &peer), &options)?;
+        let prepared = rt_benches::open(name, Builder::default())?;
+        compare(&prepared, (&device, &peer), &options)?;
     }
     Ok(())
 }
 
 /// Prints a line for each stream of a scene.
 fn compare(
-    bench: &BenchScene,
-    scene: &Arc<Scene>,
-    ours_s: f64,
+    prepared: &Prepared,
     (device, peer): (&VulkanDevice, &Peer),
     options: &Options,
 ) -> Result<(), Box<dyn Error>> {
-    let tree = peer.build(&bench.model)?;
-    let mut tracer = device.tracer(Arc::clone(scene), clock)?;
-    for (kind, source, query) in bench.streams(scene, options.size)? {
+    let ours_s = prepared.build_s;
+    let tree = peer.build(&prepared.model)?;
+    let mut tracer = device.tracer(Arc::clone(&prepared.built.scene), clock)?;
+    for (kind, source, query) in rt_benches::streams(prepared, options.size)? {
         let rays = peer.load(&tree, &source, query);
         tracer.load_rays(source.clone(), StreamSpec { query, ..StreamSpec::default() })?;
         let (mut times, mut differing) = ([Vec::new(), Vec::new()], 0);
@@ -90,15 +97,16 @@ fn compare(
         }
         let speed = |times: &[f64]| f64::from(source.len()) / median(times) / 1e6;
         let Summary { median: ratio, low, high, .. } = Summary::of_ratios(&times[1], &times[0]);
-        println!(
+        writeln!(
+            Stdout,
             "| {} | {kind} | {:.2} | {:.2} | {:.2} ({low:.2} – {high:.2}) | {:.1} | {ours_s:.2} | {:.2} |",
-            bench.name,
+            prepared.name,
             speed(&times[0]),
             speed(&times[1]),
             ratio,
             differing as f64 / f64::from(source.len().max(1)) * 1e6,
             tree.built_s,
-        );
+        )?;
     }
     Ok(())
 }

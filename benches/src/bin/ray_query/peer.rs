@@ -21,8 +21,8 @@ const LIMIT: Duration = Duration::from_secs(300);
 const OPAQUE: u32 = 1;
 const FIRST: u32 = 4;
 
-/// Where rays of bounces begin, as a share of the scene's largest coordinate: what renderers do, for nothing else keeps the
-/// driver from hitting the triangle that a ray leaves.
+/// Where rays of bounces begin, as a share of the scene's largest coordinate: what renderers do, for nothing else keeps
+/// the driver from hitting the triangle that a ray leaves.
 const LEAST_T: f32 = 1.0 / (1 << 16) as f32;
 
 /// Distance of rays without end: that of ray queries must be finite.
@@ -250,7 +250,7 @@ impl Peer {
 
 #[expect(unsafe_code, reason = "wgpu wants to hear that its ray queries are known to be young")]
 fn experimental() -> ExperimentalFeatures {
-    // SAFETY: nothing is asked but to take note that wgpu's ray queries are young and may have faults. Only this benchmark
-    // uses them.
+    // SAFETY: nothing is asked but to take note that wgpu's ray queries are young and may have faults. Only this
+    // benchmark uses them.
     unsafe { ExperimentalFeatures::enabled() }
 }

@@ -1,13 +1,13 @@
-//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the table of
-//! docs/results/sampling.md.
+//! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the
+//! table of docs/results/sampling.md.
 //!
 //! `cargo run --release -p rt-benches --bin sampling -- SCENE... [--device cpu:1|vulkan:0] [--kinds primary,diffuse]
 //! [--one-of 8,64,128] [--size 1024x1024] [--runs 7]`
 //!
-//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each way,
-//! and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs. Walks count
-//! exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts, after one common
-//! scale, averaged over eight seeds.
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each
+//! way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs.
+//! Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts,
+//! after one common scale, averaged over eight seeds.
 #![forbid(unsafe_code)]
 
 mod options;
@@ -18,11 +18,15 @@ use backend_vulkan::VulkanDevice;
 use options::Options;
 use rt_balance::clock;
 use rt_balance::stats::median;
-use rt_benches::BenchScene;
+use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
+use rt_report::print::Stdout;
+use rt_report::{Provenance, exit};
 use rt_sched::metrics::EstimateErrors;
 use rt_sched::sample::Fraction;
 use std::error::Error;
+use std::io::Write;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
 use ways::{Sample, Subject, Way};
@@ -36,35 +40,42 @@ const TASK: u32 = 1024;
 /// Samples that errors are averaged over.
 const SEEDS: u32 = 8;
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    exit::main(run)
+}
+
+fn run() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
-    println!("command: {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!(
-        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of the trace. \
-         Before it, the price of tracing all rays as single ones. Error per task in %.\n",
+    writeln!(
+        Stdout,
+        "{}",
+        Provenance::now(1, [options.vulkan.map_or_else(|| "one thread".to_owned(), |place| format!("vulkan:{place}"))])
+    )?;
+    writeln!(
+        Stdout,
+        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of \
+         the trace. Before it, the price of tracing all rays as single ones. Error per task in %.\n",
         options.runs
-    );
-    print!("| scene | rays | traced Mray/s | as single rays | sampled |");
-    Way::ALL.iter().for_each(|(_, name)| print!(" {name} |"));
-    println!(
+    )?;
+    write!(Stdout, "| scene | rays | traced Mray/s | as single rays | sampled |")?;
+    Way::ALL.iter().try_for_each(|(_, name)| write!(Stdout, " {name} |"))?;
+    writeln!(
+        Stdout,
         " error scattered | error whole packets |\n|---|---|---|---|---|{}---|---|",
         "---|".repeat(Way::ALL.len())
-    );
+    )?;
     for name in &options.scenes {
-        let bench = BenchScene::open(name)?;
-        let mesh = rt_bvh::Mesh { positions: &bench.model.positions, indices: &bench.model.indices };
-        let builder = rt_bvh::Builder::Ploc(rt_bvh::PlocQuality::Medium);
-        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions { builder, ..Default::default() })?;
-        let scene = built.scene;
+        let prepared = rt_benches::open(name, Builder::Ploc(PlocQuality::Medium))?;
+        let scene = Arc::clone(&prepared.built.scene);
         let mut subject = Subject {
             tracer: open(&options, &scene)?,
             scene: Arc::clone(&scene),
             is_processor: options.vulkan.is_none(),
         };
-        for (stream, source, _) in bench.streams(&scene, options.size)? {
+        for (stream, source, _) in rt_benches::streams(&prepared, options.size)? {
             if let Some(&kind) = options.kinds.iter().find(|kind| kind.to_string().starts_with(stream)) {
                 for &fraction in &options.fractions {
-                    row(&bench.name, &mut subject, kind, &source, fraction, options.runs)?;
+                    row(&prepared.name, &mut subject, kind, &source, fraction, options.runs)?;
                 }
             }
         }
@@ -117,16 +128,16 @@ fn row(
             alone.push(seconds / f64::from(source.len()) / full);
         }
     }
-    print!("| {scene} | {kind} | {:.2} |", 1e-6 / median(&traced));
+    write!(Stdout, "| {scene} | {kind} | {:.2} |", 1e-6 / median(&traced))?;
     match alone.is_empty() {
-        true => print!(" – |"),
-        false => print!(" {:.2} |", median(&alone)),
+        true => write!(Stdout, " – |")?,
+        false => write!(Stdout, " {:.2} |", median(&alone))?,
     }
-    print!(" 1/{:.0} |", 1.0 / fraction.value());
+    write!(Stdout, " 1/{:.0} |", 1.0 / fraction.value())?;
     for prices in prices {
         match prices.is_empty() {
-            true => print!(" – |"),
-            false => print!(" {:.2} ({:.1}) |", median(&prices), 100.0 * median(&prices) * fraction.value()),
+            true => write!(Stdout, " – |")?,
+            false => write!(Stdout, " {:.2} ({:.1}) |", median(&prices), 100.0 * median(&prices) * fraction.value())?,
         }
     }
     let samples: Vec<Sample> = (0..SEEDS).map(|seed| Sample::new(source, kind, &tasks, fraction, seed)).collect();
@@ -134,7 +145,7 @@ fn row(
         let errors: Vec<f64> = samples.iter().filter_map(|sample| error(&exact, &tasks, rays(sample))).collect();
         100.0 * errors.iter().sum::<f64>() / errors.len() as f64
     };
-    println!(" {:.1} | {:.1} |", error(|sample| &sample.scattered), error(|sample| &sample.packets));
+    writeln!(Stdout, " {:.1} | {:.1} |", error(|sample| &sample.scattered), error(|sample| &sample.packets))?;
     Ok(())
 }
 

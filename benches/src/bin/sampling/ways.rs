@@ -76,7 +76,8 @@ impl Sample {
     }
 }
 
-/// Appends packets of consecutive rays of a task, equally spaced from a random start: as many rays as other samplers take.
+/// Appends packets of consecutive rays of a task, equally spaced from a random start: as many rays as other samplers
+/// take.
 fn whole_packets(task: Task, fraction: Fraction, seed: u32, out: &mut Vec<u32>) {
     let count = fraction.of(task.rays);
     let (all, chosen) = (task.rays.div_ceil(PACKET), count.div_ceil(PACKET));
@@ -132,8 +133,8 @@ impl Subject {
         timed(self.is_processor, || Ok(tracer.walk(rays, Walk::Full, &mut counts, Some(&mut hits))?))
     }
 
-    /// Seconds and rays of one way to walk a sample of the loaded rays; `None` where the device lacks the way. The stream
-    /// is loaded again if need be.
+    /// Seconds and rays of one way to walk a sample of the loaded rays; `None` where the device lacks the way. The
+    /// stream is loaded again if need be.
     pub(crate) fn run(
         &mut self,
         way: Way,

@@ -1,7 +1,7 @@
 //! Graphics cards, by API and number.
 
 use super::{ListError, Opened, Reason};
-use rt_gpu::{Card, GpuDevice, Layouts, Tuning};
+use rt_gpu::{BadVariable, Card, GpuDevice, Layouts, Tuning};
 use std::fmt::Display;
 use std::sync::Arc;
 
@@ -49,6 +49,16 @@ impl Api {
         }
     }
 
+    /// Whether the environment variables that the backend reads say what they can say.
+    fn check_environment(self) -> Result<(), BadVariable> {
+        match self {
+            #[cfg(feature = "vulkan")]
+            Self::Vulkan => crate::vulkan::Options::from_env().map(drop),
+            #[cfg(feature = "wgpu")]
+            Self::Wgpu => crate::wgpu::Options::from_env().map(drop),
+        }
+    }
+
     /// Every device, in the API's order.
     ///
     /// # Errors
@@ -67,13 +77,13 @@ impl Api {
             #[cfg(feature = "vulkan")]
             Self::Vulkan => {
                 use crate::vulkan::{Options, VulkanDevice};
-                let options = Options { layouts, ..Options::from_env() };
+                let options = Options { layouts, ..Options::from_env().map_err(|e| e.to_string())? };
                 all(VulkanDevice::enumerate(options), |device| device.tuned(tuning))
             }
             #[cfg(feature = "wgpu")]
             Self::Wgpu => {
                 use crate::wgpu::{Options, WgpuDevice};
-                let options = Options { layouts, ..Options::from_env() };
+                let options = Options { layouts, ..Options::from_env().map_err(|e| e.to_string())? };
                 all(WgpuDevice::enumerate(options), |device| device.tuned(tuning))
             }
         }
@@ -111,6 +121,14 @@ impl Cards {
         };
         Err(ListError { entry: format!("{}:{index}", api.name()), reason })
     }
+}
+
+/// Whether the environment variables of all backends say what they can say, whichever of them is used.
+///
+/// # Errors
+/// Names a variable that does not, and what it may say.
+pub fn check_environment() -> Result<(), BadVariable> {
+    Api::ALL.iter().try_for_each(|api| api.check_environment())
 }
 
 /// Entries for every graphics card once.

@@ -54,7 +54,8 @@ impl FaultyCall {
 /// How a call fails.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Failure {
-    /// It reports an error of this kind, and so does every later call, unless it is one that leaves the device as it was.
+    /// It reports an error of this kind, and so does every later call, unless it is one that leaves the device as it
+    /// was.
     Error(DeviceErrorKind),
     /// It panics.
     Panic,
@@ -180,16 +181,16 @@ impl Device for Faulty {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let gate = Arc::clone(&self.gate);
-        let mut trouble = Trouble { fault: self.fault, gate, left: self.fault.after, struck: false };
-        trouble.strike(FaultyCall::Open)?;
+        let mut pending = Pending { fault: self.fault, gate, left: self.fault.after, struck: false };
+        pending.strike(FaultyCall::Open)?;
         let inner = self.inner.tracer(scene, clock)?;
-        Ok(Box::new(FaultyTracer { inner, trouble }))
+        Ok(Box::new(FaultyTracer { inner, pending }))
     }
 }
 
 /// A fault that is to come.
 #[derive(Debug)]
-struct Trouble {
+struct Pending {
     fault: Fault,
     gate: Arc<Gate>,
     /// Calls that still go well.
@@ -197,7 +198,7 @@ struct Trouble {
     struck: bool,
 }
 
-impl Trouble {
+impl Pending {
     /// Fails if it is time to; says whether the answer is to be a lie.
     fn strike(&mut self, call: FaultyCall) -> Result<Option<Lie>, DeviceError> {
         let (is_it, Fault { failure, .. }) = (self.fault.call == call, self.fault);
@@ -234,25 +235,25 @@ const fn is_harmless(kind: DeviceErrorKind, call: FaultyCall) -> bool {
 #[derive(Debug)]
 struct FaultyTracer {
     inner: Box<dyn Tracer>,
-    trouble: Trouble,
+    pending: Pending,
 }
 
 impl Drop for FaultyTracer {
     fn drop(&mut self) {
         // An error cannot be told here.
-        let _ = self.trouble.strike(FaultyCall::Drop);
+        let _ = self.pending.strike(FaultyCall::Drop);
     }
 }
 
 impl Tracer for FaultyTracer {
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
-        if self.trouble.strike(FaultyCall::Prepare).is_ok() {
+        if self.pending.strike(FaultyCall::Prepare).is_ok() {
             self.inner.prepare(source, spec, walk);
         }
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
-        self.trouble.strike(FaultyCall::Load)?;
+        self.pending.strike(FaultyCall::Load)?;
         self.inner.load_rays(source, spec)
     }
 
@@ -263,7 +264,7 @@ impl Tracer for FaultyTracer {
         counts: &mut [TestCounts],
         mut hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
-        let lie = self.trouble.strike(FaultyCall::Walk)?;
+        let lie = self.pending.strike(FaultyCall::Walk)?;
         let span = self.inner.walk(rays, walk, counts, hits.as_deref_mut())?;
         if let (Some(lie), Some(hits)) = (lie, hits) {
             lie.alter(hits);
@@ -272,12 +273,12 @@ impl Tracer for FaultyTracer {
     }
 
     fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
-        self.trouble.strike(FaultyCall::Submit)?;
+        self.pending.strike(FaultyCall::Submit)?;
         self.inner.submit(tasks, done)
     }
 
     fn wait(&mut self, ticket: Ticket, limit: Duration, out: &mut Launch) -> Result<(), DeviceError> {
-        let lie = self.trouble.strike(FaultyCall::Wait)?;
+        let lie = self.pending.strike(FaultyCall::Wait)?;
         self.inner.wait(ticket, limit, out)?;
         lie.into_iter().for_each(|lie| lie.tell(&mut out.hits));
         Ok(())

@@ -18,8 +18,8 @@ pub struct Throttled {
 }
 
 impl Throttled {
-    /// The slowest speed there is. A launch takes a millisecond or more, so below it results would be held back for minutes,
-    /// and a run would only wait for the device to be given up.
+    /// The slowest speed there is. A launch takes a millisecond or more, so below it results would be held back for
+    /// minutes, and a run would only wait for the device to be given up.
     pub const SLOWEST: f64 = 1e-3;
 
     /// Slows `inner` down to `speed`; `None` unless that is from [`Throttled::SLOWEST`] to 1.
@@ -170,8 +170,8 @@ mod tests {
         Throttled::new(Arc::new(OneSecond(info)), speed)
     }
 
-    // Mutant: the limit handed to the inner device alone, which is done at once; then the launch comes back some ten seconds
-    // later, and as if all were well.
+    // Mutant: the limit handed to the inner device alone, which is done at once; then the launch comes back some ten
+    // seconds later, and as if all were well.
     #[test]
     fn a_launch_that_is_held_back_beyond_its_limit_has_hung() {
         let device = throttled(0.1).unwrap();

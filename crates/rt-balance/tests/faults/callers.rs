@@ -3,7 +3,7 @@
 use crate::fixture::{
     balancer, beside_a_good_one, cpus, faulty, fixture, patient, sampling, trace, trace_well, uniform,
 };
-use rt_balance::middleware::{Failure, Fault, FaultyCall};
+use rt_balance::middleware::{Failure, Fault, FaultyCall, Record, Recorded};
 use rt_balance::policies::{Lpt, Policy};
 use rt_balance::{
     BalanceError, Balancer, Control, CostEstimator, Device, Hit, QueueKind, RaySource, Scheduling, Stream, TestCounts,
@@ -13,17 +13,21 @@ use rt_core::{CostModel, DeviceErrorKind, Observation, RayStream, Step, Task};
 use rt_sched::Schedule;
 use std::sync::Arc;
 
-/// A mistake: how it is made, and what the error has to name.
+/// A mistake: how it is made, what error it is, and what that has to name.
 struct Mistake {
     names: &'static str,
+    is: fn(&BalanceError) -> bool,
+    /// Whether it can only be seen when the devices have the rays.
+    is_seen_late: bool,
     stream: Stream,
     scheduling: Scheduling,
     /// Room for hits and counts beyond the rays.
     more: [isize; 2],
 }
 
-fn mistake(names: &'static str) -> Mistake {
-    Mistake { names, stream: fixture().stream.clone(), scheduling: uniform(QueueKind::Hybrid, patient()), more: [0; 2] }
+fn mistake(names: &'static str, is: fn(&BalanceError) -> bool) -> Mistake {
+    let (stream, scheduling) = (fixture().stream.clone(), uniform(QueueKind::Hybrid, patient()));
+    Mistake { names, is, is_seen_late: false, stream, scheduling, more: [0; 2] }
 }
 
 /// An estimator that answers at once, or asks for something first.
@@ -67,35 +71,38 @@ impl Policy for Careless {
 fn mistakes() -> Vec<Mistake> {
     let rays = fixture().hits.len() as u32;
     let estimating = |names, asks: &[u32], more_tasks| {
-        let estimator = Box::new(Wrong { asks: asks.to_vec(), more_tasks });
-        let scheduling = Scheduling { estimator, ..mistake("").scheduling };
-        Mistake { scheduling, ..mistake(names) }
+        let mut wrong = mistake(names, |error| matches!(error, BalanceError::Estimator { estimator: "wrong", .. }));
+        wrong.scheduling.estimator = Box::new(Wrong { asks: asks.to_vec(), more_tasks });
+        Mistake { is_seen_late: true, ..wrong }
     };
     let dealing = |names, tasks, devices| {
         let policy: Option<Box<dyn Policy>> = Some(Box::new(Careless { tasks, devices }));
         let scheduling = Scheduling { policy, ..uniform(QueueKind::Static, patient()) };
-        Mistake { scheduling, ..mistake(names) }
+        let wrong = mistake(names, |error| matches!(error, BalanceError::Policy { policy: "careless", .. }));
+        Mistake { is_seen_late: true, scheduling, ..wrong }
     };
+    let length = |names| mistake(names, |error| matches!(error, BalanceError::Length { .. }));
     let cut = |names, change: fn(&mut Vec<Task>)| {
-        let mut wrong = mistake(names);
+        let mut wrong = mistake(names, |error| matches!(error, BalanceError::Tasks { .. }));
         change(&mut wrong.stream.tasks);
         wrong
     };
     let starting = |number: usize| {
-        let mut wrong = mistake("`origins`");
+        let mut wrong = length("`origins`");
         if let RaySource::Explicit { origins, .. } = &mut wrong.stream.source {
             *origins = Some(vec![u32::MAX; number].into());
         }
         wrong
     };
     let losing = |excess| {
-        let scheduling = Scheduling { blind_excess: Some(excess), ..mistake("").scheduling };
-        Mistake { scheduling, ..mistake("blind_excess") }
+        let mut wrong = mistake("uninformed_excess", |error| matches!(error, BalanceError::UninformedExcess(_)));
+        wrong.scheduling.uninformed_excess = Some(excess);
+        wrong
     };
     vec![
-        Mistake { more: [-1, 0], ..mistake("`hits`") },
-        Mistake { more: [1, 0], ..mistake("`hits`") },
-        Mistake { more: [0, -1], ..mistake("`counts`") },
+        Mistake { more: [-1, 0], ..length("`hits`") },
+        Mistake { more: [1, 0], ..length("`hits`") },
+        Mistake { more: [0, -1], ..length("`counts`") },
         starting(0),
         starting(rays as usize - 1),
         starting(rays as usize + 1),
@@ -114,11 +121,18 @@ fn mistakes() -> Vec<Mistake> {
     ]
 }
 
-/// Mutants: any of the checks left out; a device dropped for what the caller did.
+/// Mutants: any of the checks left out, or made after the devices were asked; a device dropped for what the caller did.
 #[test]
 fn a_mistake_is_told_and_costs_nothing() {
-    let mut balancer = balancer(&cpus(2));
+    let recorded: Vec<Arc<Recorded>> = cpus(2).into_iter().map(|device| Arc::new(Recorded::new(device))).collect();
+    let devices: Vec<Arc<dyn Device>> = recorded.iter().map(|device| Arc::clone(device) as _).collect();
+    let mut balancer = balancer(&devices);
+    let seen = |late: bool| {
+        let records = recorded.iter().flat_map(|device| device.records());
+        records.filter(|record| !late || matches!(record, Record::Submit { .. })).count()
+    };
     for mut wrong in mistakes() {
+        let before = seen(wrong.is_seen_late);
         let room = |more: isize| fixture().hits.len().saturating_add_signed(more);
         let mut hits = vec![Hit::MISS; room(wrong.more[0])];
         let mut counts = vec![TestCounts::default(); room(wrong.more[1])];
@@ -126,6 +140,8 @@ fn a_mistake_is_told_and_costs_nothing() {
         let answer = balancer.trace(&wrong.stream, &mut wrong.scheduling, &mut hits, counts, Control::default());
         let Err(error) = answer else { panic!("{}: {answer:?}", wrong.names) };
         assert!(error.to_string().contains(wrong.names), "no {:?} in {error}", wrong.names);
+        assert!((wrong.is)(&error), "{}: {error:?}", wrong.names);
+        assert_eq!(seen(wrong.is_seen_late), before, "{}: the devices saw it", wrong.names);
         is_well(wrong.names, &mut balancer);
     }
 }
@@ -135,7 +151,8 @@ fn is_well(what: &str, balancer: &mut Balancer) {
     assert!(run.report.devices.iter().all(|device| device.error.is_none() && device.tasks > 0), "{what}");
 }
 
-/// Work that is no number is none, and is traced all the same.
+/// Work that is no number cannot be made: [`Work::new`] takes it for none, and infinity for the most there is. So there
+/// is nothing to refuse, and what such work stands for is traced.
 #[test]
 fn work_that_is_no_number_is_traced() {
     let estimator = Box::new(Wrong { asks: vec![5, 5, 6], more_tasks: 0 });
@@ -143,7 +160,8 @@ fn work_that_is_no_number_is_traced() {
     trace_well("work that is no number", &mut balancer(&cpus(2)), &mut scheduling);
 }
 
-/// A device that refuses a stream is left out of it, and has its part in the next; where all refuse, the caller is told.
+/// A device that refuses a stream is left out of it, and has its part in the next; where all refuse, the caller is
+/// told.
 ///
 /// Mutants: a device is dropped that refuses rays; its refusal of a walk ends the stream.
 #[test]

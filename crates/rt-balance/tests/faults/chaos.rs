@@ -137,14 +137,18 @@ fn stream(
     end.fetch_add(1, Ordering::Relaxed);
 }
 
-/// A thousand schedules of one to four devices that fail, panic, hang, are late and lie: each stream ends with the hits of one
-/// device, bit for bit, or in an error with a name that fits.
+/// A thousand schedules of one to four devices that fail, panic, hang, are late and lie: each stream ends with the hits
+/// of one device, bit for bit, or in an error with a name that fits.
 ///
 /// Mutants: most of those of the other tests; tasks of a device that was found out while another was late are lost.
 #[test]
 fn random_schedules_of_faults_end_right_or_in_a_named_error() {
-    let number = std::env::var("RAYBALANCE_CHAOS").ok().map(|number| number.parse().expect("a number of schedules"));
-    let number = number.unwrap_or(SCHEDULES);
+    let number = std::env::var("RAYBALANCE_CHAOS").map_or(SCHEDULES, |number| match number.parse() {
+        Ok(number) => number,
+        Err(_) => panic!(
+            "the environment variable RAYBALANCE_CHAOS is `{number}`: set it to a number of schedules, or unset it"
+        ),
+    });
     let (next, ends) = (AtomicU32::new(0), Ends::default());
     thread::scope(|scope| {
         for _ in 0..AT_A_TIME {

@@ -41,7 +41,8 @@ fn trace_subnormal(devices: &[Arc<dyn Device>]) -> Vec<[u32; 4]> {
 
 /// Devices are opened, the tree is built and rays are traced where numbers are rounded otherwise.
 ///
-/// Mutants: threads of a device, of its pool, or of the driver keep what they inherit; the tree is built in the caller's.
+/// Mutants: threads of a device, of its pool, or of the driver keep what they inherit; the tree is built in the
+/// caller's.
 #[test]
 fn a_callers_environment_changes_no_bit() {
     let open = |threads: &[usize]| -> Vec<Arc<dyn Device>> {

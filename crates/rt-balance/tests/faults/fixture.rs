@@ -104,7 +104,8 @@ pub(crate) fn uniform(queue: QueueKind, limits: Limits) -> Scheduling {
     Scheduling { queue: Box::new(queue), limits, estimator: Box::new(Uniform), ..Scheduling::default() }
 }
 
-/// Traces the stream and checks every bit of a run that says it went well, and every finished task of one that does not.
+/// Traces the stream and checks every bit of a run that says it went well, and every finished task of one that does
+/// not.
 pub(crate) fn trace(
     what: &str,
     balancer: &mut Balancer,

@@ -10,8 +10,8 @@ use std::sync::Arc;
 /// Lies that no scene could make true.
 const IMPOSSIBLE: [Lie; 4] = [Lie::Primitive, Lie::NotANumber, Lie::Distance, Lie::TooFew];
 
-/// Mutants: any of the four comparisons left out; what the device brought before the lie is kept; hits that it walked for the
-/// estimate are kept.
+/// Mutants: any of the four comparisons left out; what the device brought before the lie is kept; hits that it walked
+/// for the estimate are kept.
 #[test]
 fn what_cannot_be_true_is_seen_without_an_audit() {
     for queue in QUEUES {
@@ -57,8 +57,8 @@ fn what_is_not_true_is_seen_by_an_audit() {
     }
 }
 
-/// A device whose kernels do nothing is found out by the audit that everybody has: one ray of each launch is looked at, and
-/// about half of them hit.
+/// A device whose kernels do nothing is found out by the audit that everybody has: one ray of each launch is looked at,
+/// and about half of them hit.
 ///
 /// Mutant: launches of fewer rays than the audit's period are not looked at.
 #[test]

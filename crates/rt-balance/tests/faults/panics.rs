@@ -12,8 +12,8 @@ use rt_sched::Schedule;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// Mutants: rays of a panicked walk stay marked as found; popped tasks are in flight only after `submit`; a call that is not
-/// contained.
+/// Mutants: rays of a panicked walk stay marked as found; popped tasks are in flight only after `submit`; a call that
+/// is not contained.
 #[test]
 fn a_panic_anywhere_in_a_device_costs_that_device_alone() {
     for queue in QUEUES {

@@ -11,8 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-/// Mutants: the watch ends with the stream's other tasks unfinished; a device that hangs is waited for in any of the calls, or
-/// when the balancer is dropped.
+/// Mutants: the watch ends with the stream's other tasks unfinished; a device that hangs is waited for in any of the
+/// calls, or when the balancer is dropped.
 #[test]
 fn a_device_that_never_returns_costs_the_others_a_moment() {
     for queue in QUEUES {

@@ -8,9 +8,9 @@ use core::fmt;
 use rt_core::{Aabb, Scene, Triangle};
 
 impl BlockTree {
-    /// Checks the tree against the scene that it was made of: that every triangle is in one leaf with its own id, every node
-    /// and block is reached once, every box holds what is below it, and every order names each slot once. Returns the number
-    /// of boxes.
+    /// Checks the tree against the scene that it was made of: that every triangle is in one leaf with its own id, every
+    /// node and block is reached once, every box holds what is below it, and every order names each slot once. Returns
+    /// the number of boxes.
     ///
     /// # Errors
     /// The first defect found; always one of this crate, never of the mesh.
@@ -88,11 +88,11 @@ impl<'s> Triangles<'s> {
         Self { scene, places }
     }
 
-    /// Finds the triangles of a block and returns the box that it states; `None` where one is not the scene's or found before,
-    /// a spare lane is not the first one, or the box does not hold them.
+    /// Finds the triangles of a block and returns the box that it states; `None` where one is not the scene's or found
+    /// before, a spare lane is not the first one, or the box does not hold them.
     fn take(&mut self, block: &Block, count: u32) -> Option<Aabb> {
-        let corner = |pick: fn(&super::BlockAxis) -> f32| block.axes.each_ref().map(pick).into();
-        let stated = Aabb { min: corner(|axis| axis.low), max: corner(|axis| axis.high) };
+        let corner = |side: usize| block.axes.each_ref().map(|axis| axis.bounds[side]).into();
+        let stated = Aabb { min: corner(0), max: corner(1) };
         for lane in 0..BLOCK {
             let vertex =
                 |pick: fn(&super::BlockAxis) -> &[f32; BLOCK]| block.axes.each_ref().map(|axis| pick(axis)[lane]);
@@ -225,7 +225,7 @@ mod tests {
         let block = Err(BlockTreeError::Block { block: 3 });
         assert_eq!(broken(&|t| t.blocks[3].axes[1].a[0] += 1.0), block);
         assert_eq!(broken(&|t| t.blocks[3].axes[2].c[3] += 1.0), block);
-        assert_eq!(broken(&|t| t.blocks[3].axes[0].low += 0.01), block);
+        assert_eq!(broken(&|t| t.blocks[3].axes[0].bounds[0] += 0.01), block);
         assert_eq!(broken(&|t| t.blocks[3].axes[0].ids[0] ^= 1), block);
         assert_eq!(broken(&|t| t.nodes[1].orders[5] ^= 1), Err(BlockTreeError::Order { node: 1 }));
         assert_eq!(broken(&|t| t.scale_exponent += 1), Err(BlockTreeError::Frame));

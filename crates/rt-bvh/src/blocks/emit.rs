@@ -8,8 +8,8 @@ use bytemuck::Zeroable;
 use glam::Vec3;
 use rt_core::{Aabb, Scene};
 
-/// Nodes, depth first but that siblings lie together; blocks in the order of the leaves; and the depth. `None` where there are
-/// too many blocks.
+/// Nodes, depth first but that siblings lie together; blocks in the order of the leaves; and the depth. `None` where
+/// there are too many blocks.
 pub(super) fn emit(scene: &Scene, plan: &Plan) -> Option<(Vec<BlockNode>, Vec<Block>, u32)> {
     let mut nodes = vec![BlockNode::EMPTY];
     let mut blocks = Vec::with_capacity(scene.triangles().len() / 2);
@@ -64,13 +64,13 @@ fn block(scene: &Scene, slots: &[u32]) -> Block {
     for axis in &mut block.axes {
         let BlockAxis { a, b, c, .. } = *axis;
         let all = || a.into_iter().chain(b).chain(c);
-        (axis.low, axis.high) = (all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max));
+        axis.bounds = [all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max)];
     }
     block
 }
 
-/// An order of the slots, as [`BlockNode::orders`] has it: by the middle of each box along the octant's diagonal. Empty slots
-/// come first.
+/// An order of the slots, as [`BlockNode::orders`] has it: by the middle of each box along the octant's diagonal. Empty
+/// slots come first.
 fn order(bounds: &[Aabb], octant: usize) -> u32 {
     let sign = |axis: usize| if octant >> axis & 1 == 1 { -0.5 } else { 0.5 };
     let diagonal = Vec3::new(sign(0), sign(1), sign(2));

@@ -1,11 +1,13 @@
 //! The eight-wide layout for processors, made from a scene's two-wide tree.
 //!
-//! Nodes hold the boxes of eight children in plain single precision, plane by plane, so that a SIMD word holds one plane of all
-//! eight; leaves are blocks of up to four triangles, coordinate by coordinate. The module `collapse` chooses which nodes of the
-//! two-wide tree become children of a wide one; [`BlockTree::check`] proves what kernels rely on.
+//! Nodes hold the boxes of eight children in plain single precision, plane by plane, so that a SIMD word holds one
+//! plane of all eight; leaves are blocks of up to four triangles, coordinate by coordinate. The module `collapse`
+//! chooses which nodes of the two-wide tree become children of a wide one; [`BlockTree::check`] proves what kernels
+//! rely on.
 //!
-//! Bytes, not instructions, are what incoherent rays pay for: a node is four cache lines, a block three. Of 257,000 triangles in
-//! the spaceship of B. Bitterli's *Rendering Resources* there are some 4.7 MB of nodes and 20 MB of blocks.
+//! Bytes, not instructions, are what incoherent rays pay for: a node is four cache lines, a block three. Of 257,000
+//! triangles in the spaceship of B. Bitterli's *Rendering Resources* there are some 4.7 MB of nodes and 20 MB of
+//! blocks.
 
 mod check;
 mod emit;
@@ -20,8 +22,8 @@ use rt_core::{Aabb, Scene};
 /// Triangles in a block.
 const BLOCK: usize = 4;
 
-/// What visits cost: a block's triangles are tested side by side, however many there are. Measured with kernels of 16 lanes,
-/// times differ by 2% for leaves between 0.4 and 1 of a node.
+/// What visits cost: a block's triangles are tested side by side, however many there are. Measured with kernels of 16
+/// lanes, times differ by 2% for leaves between 0.4 and 1 of a node.
 const COSTS: Costs =
     Costs { node: 1.0, leaf: |triangles| 0.7 * triangles.div_ceil(BLOCK as u32) as f32, largest_leaf: BLOCK as u32 };
 
@@ -106,8 +108,9 @@ impl BlockNode {
         &self.children
     }
 
-    /// For each octant of directions, whose bit k says that a direction is negative along axis k, the slots in the order in
-    /// which to put them on a stack: those that a ray should visit last come first. Three bits a slot, from the lowest up.
+    /// For each octant of directions, whose bit k says that a direction is negative along axis k, the slots in the
+    /// order in which to put them on a stack: those that a ray should visit last come first. Three bits a slot, from
+    /// the lowest up.
     #[inline(always)]
     #[must_use]
     pub const fn orders(&self) -> &[u32; WIDTH] {
@@ -125,16 +128,14 @@ pub struct BlockAxis {
     pub b: [f32; BLOCK],
     /// Of the third vertices.
     pub c: [f32; BLOCK],
-    /// Least of them all.
-    pub low: f32,
-    /// Greatest of them all.
-    pub high: f32,
+    /// Least and greatest of them all.
+    pub bounds: [f32; 2],
     /// Primitive ids of two triangles: see [`Block::id`]. The third axis has none.
     ids: [u32; 2],
 }
 
-/// A leaf: up to four triangles. Lanes without one hold the first one again, which changes no answer. 192 bytes, three cache
-/// lines.
+/// A leaf: up to four triangles. Lanes without one hold the first one again, which changes no answer. 192 bytes, three
+/// cache lines.
 ///
 /// Which coordinate is a ray's dominant one is an address, not a branch or a shuffle.
 #[repr(C)]
@@ -202,7 +203,8 @@ impl BlockTree {
 
     /// Most nodes on a path from the root.
     ///
-    /// Every node but the last one of a path leaves at most seven children on a traversal stack, and the last one eight.
+    /// Every node but the last one of a path leaves at most seven children on a traversal stack, and the last one
+    /// eight.
     #[must_use]
     pub const fn depth(&self) -> u32 {
         self.depth

@@ -2,12 +2,12 @@
 //!
 //! # Normalising loses nothing
 //!
-//! Coordinates are divided by a power of two, as a rule the one that brings the largest into [½, 1). Where the smallest would
-//! become subnormal and lose bits, the power is the nearest that keeps them all. There is always one, for 1 does: coordinates are
-//! single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case. Builders, which need not be
-//! exact, see all boxes in the first unit, where no area overflows.
+//! Coordinates are divided by a power of two, as a rule the one that brings the largest into [½, 1). Where the smallest
+//! would become subnormal and lose bits, the power is the nearest that keeps them all. There is always one, for 1 does:
+//! coordinates are single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case.
+//! Builders, which need not be exact, see all boxes in the first unit, where no area overflows.
 
-use super::BuildError;
+use super::{BuildError, reserved};
 use crate::scale::{exponent, lowest_bit, pow2, scaled};
 use crate::{InvalidTriangles, Mesh};
 use alloc::vec::Vec;
@@ -64,8 +64,8 @@ impl Reference {
 pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gathered, BuildError> {
     let count = mesh.indices.len();
     let primitive_count = u32::try_from(count).map_err(|_| BuildError::TooManyTriangles { triangles: count })?;
-    let mut triangles = Vec::with_capacity(count);
-    let mut primitives = Vec::with_capacity(count);
+    let mut triangles = reserved(count, "the triangles")?;
+    let mut primitives = reserved(count, "the ids of triangles")?;
     let (mut dropped_degenerate, mut dropped_invalid, mut first_invalid) = (0, 0, None);
     let (mut largest, mut least) = (Vec3::ZERO, Vec3::MAX);
     for (id, indices) in (0..primitive_count).zip(mesh.indices) {
@@ -101,7 +101,7 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
         let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
         Triangle::new(a, b, c)
     };
-    let mut references = Vec::with_capacity(triangles.len());
+    let mut references = reserved(triangles.len(), "the boxes of triangles")?;
     for (position, triangle) in (0..).zip(&mut triangles) {
         references.push(Reference::new(normalised(triangle, normal_exponent).bounds(), position));
         *triangle = normalised(triangle, scale_exponent);
@@ -118,8 +118,8 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
     })
 }
 
-/// The exponent nearest to `normal`, which brings the largest coordinate below 1, that loses no bit of any coordinate; `least` is
-/// the smallest magnitude but zero.
+/// The exponent nearest to `normal`, which brings the largest coordinate below 1, that loses no bit of any coordinate;
+/// `least` is the smallest magnitude but zero.
 fn lossless_exponent(normal: i32, least: f32, triangles: &[Triangle]) -> i32 {
     // Exponent of the least normal number as `exponent` counts, and of the least number.
     const NORMAL: i32 = -125;

@@ -10,6 +10,8 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
 use gather::Gathered;
+#[cfg(feature = "obvhs")]
+use rt_core::MAX_DEPTH;
 use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 
 /// Builds a scene from `mesh`.
@@ -21,9 +23,23 @@ use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
 /// When an index is not below the number of positions, a coordinate is not finite (unless those triangles are to be
 /// dropped), or there are too many triangles for 32-bit ids.
 pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
+    build_with(mesh, options, &mut |_, _| true)
+}
+
+/// [`build`], with a word in between: `proceed` is told how many triangles are in their place and how many there are,
+/// and says whether to go on. What the crate `obvhs` does is asked about between its steps only.
+///
+/// # Errors
+/// Those of [`build`], and [`BuildError::Cancelled`] when `proceed` says no.
+pub fn build_with(
+    mesh: Mesh<'_>,
+    options: &BuildOptions,
+    proceed: &mut dyn FnMut(u32, u32) -> bool,
+) -> Result<Built, BuildError> {
     let _environment = rt_fenv::Environment::enter();
     let gathered = gather::gather(mesh, options.invalid)?;
-    let (scene, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1))?;
+    let mut control = Control { proceed, placed: 0, told: 0, all: gathered.references.len() as u32 };
+    let (tree, builder, fallback) = grow(&gathered, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
         fallback,
@@ -31,31 +47,80 @@ pub fn build(mesh: Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError
         dropped_degenerate: gathered.dropped_degenerate,
         dropped_invalid: gathered.dropped_invalid,
     };
-    Ok(Built { scene: Arc::new(scene), report })
+    Ok(Built { scene: Arc::new(finish(&gathered, tree)?), report })
 }
 
-/// Builds with `builder` or, where that fails, with [`Builder::Sah`]; says which and why.
+/// Whoever wants to know how far a tree is built, and may stop it.
+struct Control<'a> {
+    proceed: &'a mut dyn FnMut(u32, u32) -> bool,
+    placed: u32,
+    /// Triangles that were in place when `proceed` was last asked.
+    told: u32,
+    all: u32,
+}
+
+/// Triangles placed between two words: a few milliseconds.
+const WORD: u32 = 1 << 13;
+
+impl Control<'_> {
+    fn placed(&mut self, triangles: u32) -> Result<(), BuildError> {
+        self.placed += triangles;
+        if self.placed - self.told < WORD {
+            return Ok(());
+        }
+        self.ask()
+    }
+
+    fn ask(&mut self) -> Result<(), BuildError> {
+        self.told = self.placed;
+        if (self.proceed)(self.placed, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
+    }
+}
+
+/// Room for `more` entries, or an error that says for what and how many bytes.
+fn reserve<T>(vector: &mut Vec<T>, more: usize, what: &'static str) -> Result<(), BuildError> {
+    let bytes = ((vector.len() as u64).saturating_add(more as u64)).saturating_mul(size_of::<T>() as u64);
+    vector.try_reserve(more).map_err(|_| BuildError::OutOfMemory { what, bytes })
+}
+
+fn reserved<T>(count: usize, what: &'static str) -> Result<Vec<T>, BuildError> {
+    let mut vector = Vec::new();
+    reserve(&mut vector, count, what)?;
+    Ok(vector)
+}
+
+/// Builds with `builder` or, where that refuses, with [`Builder::Sah`]; says which and why.
 fn grow(
     gathered: &Gathered,
     builder: Builder,
     max_leaf: u32,
-) -> Result<(Scene, Builder, Option<Fallback>), BuildError> {
+    control: &mut Control<'_>,
+) -> Result<(Tree, Builder, Option<Fallback>), BuildError> {
+    let references = &gathered.references;
     let fallback = match builder {
         Builder::Sah => None,
         #[cfg(feature = "obvhs")]
-        Builder::Ploc(quality) => {
-            let scene = ploc::build(&gathered.references, quality, max_leaf).and_then(|tree| {
-                // Too deep a tree is found by the scene's own check.
-                finish(gathered, tree).map_err(|_| Fallback::TooDeep)
-            });
-            match scene {
-                Ok(scene) => return Ok((scene, builder, None)),
-                Err(reason) => Some(reason),
+        Builder::Ploc(quality) => match ploc::build(references, quality, max_leaf, control)? {
+            Ok(tree) if depth_of(&tree.nodes) <= MAX_DEPTH => return Ok((tree, builder, None)),
+            Ok(_) => Some(Fallback::TooDeep),
+            Err(reason) => Some(reason),
+        },
+    };
+    Ok((sah::build(references, max_leaf, control)?, Builder::Sah, fallback))
+}
+
+/// Most inner nodes on a path from the root; children come after their parents.
+#[cfg(feature = "obvhs")]
+fn depth_of(nodes: &[Node]) -> u32 {
+    let mut depths = alloc::vec![1_u32; nodes.len()];
+    for (index, node) in nodes.iter().enumerate() {
+        for side in 0..2 {
+            if let Child::Inner(child) = node.child(side) {
+                depths[child as usize] = depths[index] + 1;
             }
         }
-    };
-    let scene = finish(gathered, sah::build(&gathered.references, max_leaf))?;
-    Ok((scene, Builder::Sah, fallback))
+    }
+    depths.into_iter().max().unwrap_or(0)
 }
 
 /// What a builder makes of references: nodes with their boxes, and the references' positions in leaf order.
@@ -71,14 +136,21 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     if !gathered.exact_references {
         fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
     }
+    let mut in_order = reserved(order.len(), "the triangles in the tree's order")?;
+    in_order.extend(order.iter().map(|&i| triangles[i as usize]));
+    let mut ids = reserved(order.len(), "the ids of triangles")?;
+    ids.extend(order.iter().map(|&i| primitives[i as usize]));
     Scene::new(SceneParts {
         nodes,
-        triangles: order.iter().map(|&i| triangles[i as usize]).collect(),
-        primitives: order.iter().map(|&i| primitives[i as usize]).collect(),
+        triangles: in_order,
+        primitives: ids,
         scale_exponent: gathered.scale_exponent,
         primitive_count: gathered.primitive_count,
     })
-    .map_err(BuildError::Scene)
+    .map_err(|error| match error {
+        SceneError::OutOfMemory { bytes } => BuildError::OutOfMemory { what: "the check of the tree", bytes },
+        defect => BuildError::Scene(defect),
+    })
 }
 
 /// Fits all boxes to those of what is in the leaves.
@@ -168,6 +240,15 @@ pub enum BuildError {
         /// Number of triangles given.
         triangles: usize,
     },
+    /// There is no memory.
+    OutOfMemory {
+        /// For what.
+        what: &'static str,
+        /// How many bytes it takes.
+        bytes: u64,
+    },
+    /// Whoever asked for the tree wants it no more.
+    Cancelled,
     /// The tree failed its check: a defect of this crate, not of the mesh.
     Scene(SceneError),
 }
@@ -186,6 +267,8 @@ impl fmt::Display for BuildError {
             Self::TooManyTriangles { triangles } => {
                 write!(f, "{triangles} triangles are too many: at most {} can have an id; split the mesh", u32::MAX)
             }
+            Self::OutOfMemory { what, bytes } => write!(f, "no memory for {what}: {bytes} bytes are needed"),
+            Self::Cancelled => write!(f, "building the tree was stopped"),
             Self::Scene(_) => write!(f, "the builder made a faulty tree; please report this"),
         }
     }

@@ -2,14 +2,16 @@
 //! reinsertion (the same, 2018), turned into our layout.
 
 use super::gather::Reference;
-use super::{Fallback, Tree};
+use super::{BuildError, Control, Fallback, Tree, reserved};
 use crate::PlocQuality;
 use alloc::vec;
 use alloc::vec::Vec;
 use glam::Vec3A;
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::leaf_collapser::collapse;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
 use rt_core::{Aabb, Child, Node, random};
 
 /// Cells along an axis of the grid on which `obvhs` sorts centroids: triangles in one cell keep no order.
@@ -19,12 +21,18 @@ const CELLS: f32 = (1 << 20) as f32;
 /// number of triangles in one cell, at about 40 ns a pair; ordinary scenes have a mean near 1.
 const MOST_SHARED: u64 = 100;
 
-pub(super) fn build(references: &[Reference], quality: PlocQuality, max_leaf: u32) -> Result<Tree, Fallback> {
+/// A tree, or why there is none of this kind. What `obvhs` takes beside the boxes it allocates without a way to fail.
+pub(super) fn build(
+    references: &[Reference],
+    quality: PlocQuality,
+    max_leaf: u32,
+    control: &mut Control<'_>,
+) -> Result<Result<Tree, Fallback>, BuildError> {
     if references.len() < 3 {
-        return Err(Fallback::FewTriangles);
+        return Ok(Err(Fallback::FewTriangles));
     }
     if shares_cells(references) {
-        return Err(Fallback::EqualCentroids);
+        return Ok(Err(Fallback::EqualCentroids));
     }
     let mut params = match quality {
         PlocQuality::Fastest => BvhBuildParams::fastest_build(),
@@ -35,9 +43,36 @@ pub(super) fn build(references: &[Reference], quality: PlocQuality, max_leaf: u3
         PlocQuality::VerySlow => BvhBuildParams::very_slow_build(),
     };
     params.max_prims_per_leaf = params.max_prims_per_leaf.min(max_leaf);
-    let boxes: Vec<_> = references.iter().map(untied).collect();
-    let mut unused_time = core::time::Duration::ZERO;
-    Ok(convert(&build_bvh2(&boxes, params, &mut unused_time), references))
+    let mut boxes = reserved(references.len(), "the boxes of triangles")?;
+    boxes.extend(references.iter().map(untied));
+    Ok(Ok(convert(&cluster(&boxes, &params, control)?, references)))
+}
+
+/// The steps of `obvhs::bvh2::builder::build_bvh2`, which in debug builds panics where a tree is deeper than `obvhs`
+/// itself may traverse: nested boxes suffice for that. Whether a tree is too deep for us is for the caller to say.
+fn cluster(
+    boxes: &[obvhs::aabb::Aabb],
+    params: &BvhBuildParams,
+    control: &mut Control<'_>,
+) -> Result<Bvh2, BuildError> {
+    let order = (0..boxes.len() as u32).collect();
+    control.ask()?;
+    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(
+        params.ploc_search_distance,
+        boxes,
+        order,
+        params.sort_precision,
+        params.search_depth_threshold,
+    );
+    control.ask()?;
+    let mut optimizer = ReinsertionOptimizer::default();
+    optimizer.run(&mut bvh, params.reinsertion_batch_ratio, None);
+    control.ask()?;
+    collapse(&mut bvh, params.max_prims_per_leaf.clamp(1, 255), params.collapse_traversal_cost);
+    let ratio = params.reinsertion_batch_ratio * params.post_collapse_reinsertion_batch_ratio_multiplier;
+    optimizer.run(&mut bvh, ratio, None);
+    control.ask()?;
+    Ok(bvh)
 }
 
 /// Whether so many centroids fall into the same cells that clustering would take forever.

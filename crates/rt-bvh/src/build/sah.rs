@@ -4,8 +4,8 @@
 //! range that no plane can split is halved by position, and so is one that has grown too deep, which bounds depth and
 //! time for every input.
 
-use super::Tree;
 use super::gather::Reference;
+use super::{BuildError, Control, Tree, reserve, reserved};
 use crate::stats::{NODE_COST, TRIANGLE_COST};
 use alloc::vec;
 use glam::{Vec3A, Vec4};
@@ -14,8 +14,10 @@ use rt_core::{Aabb, Child, MAX_DEPTH, Node};
 /// Most bins along an axis. Wald finds little gain beyond 16.
 const BINS: usize = 16;
 
-pub(super) fn build(references: &[Reference], max_leaf: u32) -> Tree {
-    let mut references = references.to_vec();
+pub(super) fn build(references: &[Reference], max_leaf: u32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
+    let mut own = reserved(references.len(), "the boxes of triangles")?;
+    own.extend_from_slice(references);
+    let mut references = own;
     let mut nodes = vec![Node::EMPTY];
     if !references.is_empty() {
         // A node is made when its turn comes, so that a subtree's nodes lie together.
@@ -23,12 +25,14 @@ pub(super) fn build(references: &[Reference], max_leaf: u32) -> Tree {
         while let Some((range, parent, depth)) = open.pop() {
             let (node, side) = parent.unwrap_or((0, 0));
             let Some(halves) = range.split(&mut references, max_leaf, depth) else {
+                control.placed(range.count)?;
                 let leaf = Child::Leaf { first: range.first, count: range.count };
                 nodes[node].set(side, range.bounds.aabb(), leaf);
                 continue;
             };
             let index = if parent.is_some() { nodes.len() } else { 0 };
             if parent.is_some() {
+                reserve(&mut nodes, 1, "nodes")?;
                 nodes.push(Node::EMPTY);
                 nodes[node].set(side, range.bounds.aabb(), Child::Inner(index as u32));
             }
@@ -37,7 +41,9 @@ pub(super) fn build(references: &[Reference], max_leaf: u32) -> Tree {
             open.push((first, Some((index, 0)), depth + 1));
         }
     }
-    Tree { nodes, order: references.iter().map(|r| r.triangle).collect() }
+    let mut order = reserved(references.len(), "the order of triangles")?;
+    order.extend(references.iter().map(|r| r.triangle));
+    Ok(Tree { nodes, order })
 }
 
 /// A box in two SIMD words, whose fourth lanes mean nothing.

@@ -2,29 +2,32 @@
 //!
 //! # Why hits do not depend on the tree
 //!
-//! Whether a ray hits a triangle, and at which distance, is defined by exact arithmetic ([`rt_core::intersect`]), and no box has
-//! a say in it. Where there is a hit, the ray enters the triangle's own box before any limit that would still let the hit
-//! improve the result: the box test is padded beyond all rounding errors (see `slabs`). Every box above the triangle contains
-//! that one, and the box test is monotone: so the ray enters those, too. So a traversal finds exactly the triangles that a test
-//! of all of them would find, whatever tree it walks.
+//! Whether a ray hits a triangle, and at which distance, is defined by exact arithmetic ([`rt_core::intersect`]), and
+//! no box has a say in it. Where there is a hit, the ray enters the triangle's own box before any limit that would
+//! still let the hit improve the result: the box test is padded beyond all rounding errors (see `slabs`). Every box
+//! above the triangle contains that one, and the box test is monotone: so the ray enters those, too. So a traversal
+//! finds exactly the triangles that a test of all of them would find, whatever tree it walks.
 //!
 //! Boxes are tested alike in every precision: once padded, the careful test costs no more than the plain one. Single
 //! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
-pub mod offload;
+pub mod kernel_io;
+mod lanes;
 mod packet;
+mod packets;
 mod reduced;
 mod slabs;
+mod stack;
 mod triangle;
 mod visitor;
 mod walk;
 mod wide;
 
 #[cfg(target_arch = "x86_64")]
-pub use packet::walk_packets_avx2;
-pub use packet::{PacketWalk, walk_packets};
+pub use packets::walk_packets_avx2;
+pub use packets::{PacketWalk, walk_packets};
 pub use reduced::ReducedTree;
-pub use walk::Stack;
+pub use stack::Stack;
 
 use crate::wide::WideTree;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
@@ -46,7 +49,8 @@ where
     trace_over(scene, stack, spec, rays, sink);
 }
 
-/// [`trace`] over the wide layout: the same hits, other counts, and with [`Query::Any`] maybe another of the candidates.
+/// [`trace`] over the wide layout: the same hits, other counts, and with [`Query::Any`] maybe another of the
+/// candidates.
 pub fn trace_wide<R, S>(tree: &WideTree, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -69,9 +73,9 @@ where
     count_over(scene, stack, walk, precision, rays, sink);
 }
 
-/// [`count`] over the wide layout: a visited node costs eight box tests, whatever is in its slots. Where leaves are taken for
-/// hits, those of one node are entered at once, and the nearest one cuts the ray. [`ReducedWalk::LeafPlane`] and
-/// [`ReducedWalk::Truncated`] walk the two-wide tree.
+/// [`count`] over the wide layout: a visited node costs eight box tests, whatever is in its slots. Where leaves are
+/// taken for hits, those of one node are entered at once, and the nearest one cuts the ray. [`ReducedWalk::LeafPlane`]
+/// and [`ReducedWalk::Truncated`] walk the two-wide tree.
 pub fn count_wide<R, S>(tree: &WideTree, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,

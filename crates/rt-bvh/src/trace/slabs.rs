@@ -7,22 +7,24 @@
 //! # Why the test is conservative
 //!
 //! Let u = 2⁻²⁴, o and d the origin and direction, p a plane of axis k, and M_k the greatest distance along k from o to
-//! a plane of the scene's box; M is the greatest of the three, and at least 2⁻⁴⁰. Directions are scaled so that the largest
-//! component is in [1, 2): so a point of the scene at distance t has |t| ≤ M and |t·d_k| ≤ M_k.
+//! a plane of the scene's box; M is the greatest of the three, and at least 2⁻⁴⁰. Directions are scaled so that the
+//! largest component is in [1, 2): so a point of the scene at distance t has |t| ≤ M and |t·d_k| ≤ M_k.
 //!
 //! * Components of d smaller than `SMALLEST` = 2⁻⁶⁰ are replaced by it. This moves points of the ray by at
 //!   most 2⁻⁶⁰·M, and leaves no zero to divide by, hence no NaN in any comparison below.
 //! * The distance to a plane, `(p − o′) · (1/d)`, has three roundings: its error is at most 3.01·u·(M_k + pad)/|d_k|.
-//! * A hit's t was rounded to single precision: at most u·|t| ≤ u·M_k/|d_k|. Where that made it subnormal it may be off by more,
-//!   in the tree's unit: limits that are subnormal are moved by a step of given distances, beyond what was rounded to them.
+//! * A hit's t was rounded to single precision: at most u·|t| ≤ u·M_k/|d_k|. Where that made it subnormal it may be off
+//!   by more, in the tree's unit: limits that are subnormal are moved by a step of given distances, beyond what was
+//!   rounded to them.
 //!
-//! With o′ = o ± pad, pad = 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|, the last term paying for the rounding of o to single precision and of
-//! o ± pad itself, the computed near distance is at most the true one less 4.8·u·M_k/|d_k|, and the far distance is above the
-//! true one by as much: more than the sum of the errors. This holds for any sign of t.
+//! With o′ = o ± pad, pad = 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|, the last term paying for the rounding of o to single
+//! precision and of o ± pad itself, the computed near distance is at most the true one less 4.8·u·M_k/|d_k|, and the
+//! far distance is above the true one by as much: more than the sum of the errors. This holds for any sign of t.
 //!
-//! Subnormal numbers change distances by less than 2⁻¹²⁵, also where they are flushed to zero; the padding moves them by more
-//! than 2⁻⁸³, as M is at least 2⁻⁴⁰. Where M is above 2¹²⁶, or the origin beyond single precision, differences could overflow and
-//! then call a near plane an infinite one: such a ray enters every box. Below that only products do, rightly.
+//! Subnormal numbers change distances by less than 2⁻¹²⁵, also where they are flushed to zero; the padding moves them
+//! by more than 2⁻⁸³, as M is at least 2⁻⁴⁰. Where M is above 2¹²⁶, or the origin beyond single precision, differences
+//! could overflow and then call a near plane an infinite one: such a ray enters every box. Below that only products do,
+//! rightly.
 //!
 //! # Why the test is monotone
 //!
@@ -142,8 +144,8 @@ impl Frame {
 }
 
 impl LocalRay {
-    /// The local distance that bounds all that are rounded to the given one or less. Not exact when it underflows, which the
-    /// padding covers.
+    /// The local distance that bounds all that are rounded to the given one or less. Not exact when it underflows,
+    /// which the padding covers.
     #[inline]
     pub(super) fn local_limit(&self, t: f32) -> f32 {
         let t = if t.is_subnormal() { t.next_up() } else { t };

@@ -2,22 +2,25 @@
 //!
 //! # The filter of [`Robust`]
 //!
-//! [`Robust`] gives the hits of [`Double`] bit for bit: it only rejects, in single precision, triangles that the line certainly
-//! misses, and asks the test that decides, [`Shear`], about the others. A line misses a triangle where one of the exact edge
-//! functions is negative and another positive, so it suffices to bound the error of the same functions in single precision.
+//! [`Robust`] gives the hits of [`Double`] bit for bit: it only rejects, in single precision, triangles that the line
+//! certainly misses, and asks the test that decides, [`Shear`], about the others. A line misses a triangle where one of
+//! the exact edge functions is negative and another positive, so it suffices to bound the error of the same functions
+//! in single precision.
 //!
 //! Let u = 2⁻²⁴, and m the greatest distance along an axis from the origin to the scene's box (so every coordinate
 //! relative to the origin is at most m). Lower-order terms are covered by rounding the factors up.
 //!
 //! * A relative coordinate is off by u·m (one subtraction; the origin is exact but where it is subnormal, by 2⁻¹⁵⁰).
-//! * A shear factor s has |s| ≤ 1 and is off by u (one division). s·z is off by 3·u·m: from z, from s, from the product.
+//! * A shear factor s has |s| ≤ 1 and is off by u (one division). s·z is off by 3·u·m: from z, from s, from the
+//!   product.
 //! * A sheared coordinate, the difference, is off by D = u·m + 3·u·m + u·2m ≤ 6.5·u·m, and is at most 2.01·m.
-//! * In an edge function cx·by − cy·bx, let X and Y bound the computed |x| and |y| of the triangle. Errors of the factors
-//!   change it by 2D·(X + Y) + 2D². The two products and the difference round off 4·u·X·Y, and X·Y ≤ (X + Y)²/4 ≤
-//!   1.01·m·(X + Y). Together E ≤ (13 + 4.1)·u·m·(X + Y) + 85·u²·m² < 18·u·m·(X + Y + 5·u·m).
+//! * In an edge function cx·by − cy·bx, let X and Y bound the computed |x| and |y| of the triangle. Errors of the
+//!   factors change it by 2D·(X + Y) + 2D². The two products and the difference round off 4·u·X·Y, and X·Y ≤ (X + Y)²/4
+//!   ≤ 1.01·m·(X + Y). Together E ≤ (13 + 4.1)·u·m·(X + Y) + 85·u²·m² < 18·u·m·(X + Y + 5·u·m).
 //!
-//! So: an edge function below −E is negative in exact arithmetic as well, and one above E positive. Underflow is harmless as m is
-//! kept above 2⁻⁴⁰, where E exceeds 2⁻¹²². Overflow is harmless as the filter is switched off (E = ∞) for m above 2⁶⁰.
+//! So: an edge function below −E is negative in exact arithmetic as well, and one above E positive. Underflow is
+//! harmless as m is kept above 2⁻⁴⁰, where E exceeds 2⁻¹²². Overflow is harmless as the filter is switched off (E = ∞)
+//! for m above 2⁶⁰.
 
 use super::slabs::{LocalRay, U};
 use core::ops::ControlFlow;
@@ -95,7 +98,8 @@ pub(super) struct Robust {
     filter: Filter,
 }
 
-/// Smallest m that rays have, and largest, for which the filter's arithmetic, and that of wide boxes, neither underflows nor overflows.
+/// Smallest m that rays have, and largest, for which the filter's arithmetic, and that of wide boxes, neither
+/// underflows nor overflows.
 pub(super) const REACH: [f32; 2] = [1.0 / (1_u64 << 40) as f32, (1_u64 << 60) as f32];
 
 impl TriangleTest for Robust {

@@ -1,11 +1,8 @@
 //! The traversal loop.
 
-use super::packet;
 use super::slabs::{Frame, LocalRay};
+use super::stack::{Pending, Stack};
 use super::triangle::Filter;
-use super::wide::Group;
-use crate::wide::WideTree;
-use alloc::vec::Vec;
 use core::ops::ControlFlow;
 use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 
@@ -49,64 +46,6 @@ pub(super) trait Visitor<'a>: Sized {
 
     /// Ends a ray.
     fn finish(self) -> (Hit, TestCounts);
-}
-
-/// Scratch memory of a traversal: children passed by that may have to be visited later.
-#[derive(Clone, Debug, Default)]
-pub struct Stack {
-    pub(super) entries: Vec<Pending>,
-    /// The same for wide trees.
-    pub(super) groups: Vec<Group>,
-    /// The same for packets of rays.
-    pub(super) groups_of_rays: Vec<packet::Group>,
-}
-
-/// A child whose box was entered.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Pending {
-    pub(super) child: u32,
-    pub(super) count: u32,
-    pub(super) entry: f32,
-}
-
-impl Pending {
-    const ROOT: Self = Self { child: 0, count: 0, entry: 0.0 };
-}
-
-impl Stack {
-    /// A stack as deep as `scene` asks for. Used with a deeper scene it grows.
-    #[must_use]
-    pub fn for_scene(scene: &Scene) -> Self {
-        let mut stack = Self::default();
-        stack.fit(scene);
-        stack
-    }
-
-    fn fit(&mut self, scene: &Scene) {
-        // Each inner node on the path from the root leaves at most one child behind.
-        let depth = scene.depth() as usize;
-        if self.entries.len() < depth {
-            self.entries.resize(depth, Pending::default());
-        }
-    }
-
-    pub(super) fn fit_packets(&mut self, scene: &Scene) {
-        self.fit(scene);
-        // Each inner node on the path from the root leaves both children behind at most.
-        let depth = 2 * scene.depth() as usize;
-        if self.groups_of_rays.len() < depth {
-            self.groups_of_rays.resize(depth, packet::Group::EMPTY);
-        }
-    }
-
-    pub(super) fn fit_wide(&mut self, tree: &WideTree) {
-        self.fit(tree.scene());
-        // Each node on the path from the root leaves at most one group behind, and the last one none.
-        let depth = tree.depth() as usize;
-        if self.groups.len() < depth {
-            self.groups.resize(depth, Group::default());
-        }
-    }
 }
 
 /// Walks every ray through the scene's tree with a visitor of its own.

@@ -1,36 +1,39 @@
 //! The traversal loop over the eight-wide layout, and its ray–box test.
 //!
-//! The loop is that of Ylitie, Karras and Laine (2017): what a ray enters of a node are bits of one word, the nodes among them
-//! in the order in which the ray should visit them, and the stack holds such words. Kernels do the same step for step, so that
-//! counts are the same.
+//! The loop is that of Ylitie, Karras and Laine (2017): what a ray enters of a node are bits of one word, the nodes
+//! among them in the order in which the ray should visit them, and the stack holds such words. Kernels do the same step
+//! for step, so that counts are the same.
 //!
 //! # Why the test is conservative, and hits do not depend on the layout
 //!
-//! The distance to plane q of a node's grid, whose origin is p and whose step is S = 2^e, is computed as q·(S·r) + A·r with
-//! A = p − o″, where r is the computed reciprocal of the direction's component. S·r is exact. The origin o″ is padded by twice
-//! P, the padding of the module `slabs`. It suffices that a plane c of a box inside, which is on the inner side of p + q·S, is
-//! never computed to be further out than its parent's: for the planes through which a ray enters, that
-//! T″ = fl(fl(q·S·r) + fl(A·r)) ≤ T = fl(fl(c − o′)·r), where o′ is padded by P. Then what passes the plain test of a triangle's
-//! own box passes every box of the wide tree above it, under the same limits, and the argument of the module `trace` holds.
+//! The distance to plane q of a node's grid, whose origin is p and whose step is S = 2^e, is computed as q·(S·r) + A·r
+//! with A = p − o″, where r is the computed reciprocal of the direction's component. S·r is exact. The origin o″ is
+//! padded by twice P, the padding of the module `slabs`. It suffices that a plane c of a box inside, which is on the
+//! inner side of p + q·S, is never computed to be further out than its parent's: for the planes through which a ray
+//! enters, that T″ = fl(fl(q·S·r) + fl(A·r)) ≤ T = fl(fl(c − o′)·r), where o′ is padded by P. Then what passes the
+//! plain test of a triangle's own box passes every box of the wide tree above it, under the same limits, and the
+//! argument of the module `trace` holds.
 //!
-//! Take r > 0 and a lower plane; the other cases are its mirror images. Let u = 2⁻²⁴, M_k and M as in `slabs`, and B = M_k + 2P,
-//! which is not less than the distance of any plane of the scene, or of p, from any of the padded origins.
+//! Take r > 0 and a lower plane; the other cases are its mirror images. Let u = 2⁻²⁴, M_k and M as in `slabs`, and B =
+//! M_k + 2P, which is not less than the distance of any plane of the scene, or of p, from any of the padded origins.
 //!
-//! * o″ is below o′ by G ≥ P − 3·u·P − 2·u·|o_k|, of which P holds 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|. So (with 1 − 8u for the
-//!   roundings of P itself) G ≥ (8·u·M_k + 2⁻⁴¹·M + 2·u·|o_k|)·(1 − 8u).
+//! * o″ is below o′ by G ≥ P − 3·u·P − 2·u·|o_k|, of which P holds 8·u·M_k + 2⁻⁴¹·M + 4·u·|o_k|. So (with 1 − 8u for
+//!   the roundings of P itself) G ≥ (8·u·M_k + 2⁻⁴¹·M + 2·u·|o_k|)·(1 − 8u).
 //! * T has two roundings: T ≥ (c − o′)·r − 2.01·u·B·r.
-//! * T″ has two in A·r, one in q·S·r, where q·S ≤ 2.04·M_k (a box of the scene is at most 2·M_k wide, and a grid ends at most a
-//!   64th of that later), and one in the sum: T″ ≤ (p + q·S − o″)·r + (2.01 + 2.05 + 1.05)·u·B·r.
+//! * T″ has two in A·r, one in q·S·r, where q·S ≤ 2.04·M_k (a box of the scene is at most 2·M_k wide, and a grid ends
+//!   at most a 64th of that later), and one in the sum: T″ ≤ (p + q·S − o″)·r + (2.01 + 2.05 + 1.05)·u·B·r.
 //! * p + q·S ≤ c, so T″ ≤ T if G ≥ 7.2·u·B = 7.2·u·M_k + 14.4·u·P. Of the 8·u·M_k in G are 0.8·u·M_k left, against
 //!   14.4·u·P ≤ 116·u²·M_k + 15·u·2⁻⁴¹·M + 58·u²·|o_k|: each term is far below its own in G.
-//! * Underflow makes errors below 2⁻¹²⁵, also where denormal numbers are flushed; G·r is above 2⁻⁸³ as M is at least 2⁻⁴⁰.
-//!   Overflow cannot be, as M is at most 2⁶⁰ and r at most 2⁶⁰. Rays of other M walk the two-wide tree, which has no such limits.
+//! * Underflow makes errors below 2⁻¹²⁵, also where denormal numbers are flushed; G·r is above 2⁻⁸³ as M is at least
+//!   2⁻⁴⁰. Overflow cannot be, as M is at most 2⁶⁰ and r at most 2⁶⁰. Rays of other M walk the two-wide tree, which has
+//!   no such limits.
 //!
 //! A device that fuses the multiplication and the addition rounds once less: the bounds hold.
 
 use super::slabs::{Frame, LocalRay};
+use super::stack::{NodeGroup, Stack};
 use super::triangle::REACH;
-use super::walk::{Stack, Visitor, is_whole, walk_nodes};
+use super::walk::{Visitor, is_whole, walk_nodes};
 use crate::collapse::WIDTH;
 use crate::wide::{WideNode, WideTree};
 use core::ops::ControlFlow;
@@ -39,14 +42,6 @@ use rt_core::{Hit, Ray, Scene, TestCounts};
 
 /// Bits of a word of hits that stand for nodes; the others stand for triangles.
 const NODES: u32 = 0xff00_0000;
-
-/// Nodes to be visited: the first node of their parent; and in one word, in the order of visits from the uppermost bit
-/// down, which of its slots, and below those, which of its slots are nodes.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Group {
-    first: u32,
-    bits: u32,
-}
 
 /// What the box test knows of a ray.
 #[derive(Clone, Copy, Debug)]
@@ -81,7 +76,7 @@ where
         if (REACH[0]..=REACH[1]).contains(&ray.reach) {
             let slabs = WideSlabs::new(&frame, &ray);
             // The visitor leaves the loop early when it knows the answer.
-            let _ = walk(tree.nodes(), &mut stack.groups, &slabs, &mut visitor);
+            let _ = walk(tree.nodes(), &mut stack.node_groups, &slabs, &mut visitor);
         } else {
             walk_nodes(scene.nodes(), is_whole(scene.nodes()), stack, &mut visitor);
         }
@@ -94,13 +89,13 @@ where
 #[inline(always)]
 fn walk<'a, V: Visitor<'a>>(
     nodes: &[WideNode],
-    stack: &mut [Group],
+    stack: &mut [NodeGroup],
     slabs: &WideSlabs,
     visitor: &mut V,
 ) -> ControlFlow<()> {
     let mut used = 0;
     // The root, as the only child of nobody.
-    let mut group = Group { first: 0, bits: 1 << (24 + slabs.flip) };
+    let mut group = NodeGroup { first: 0, bits: 1 << (24 + slabs.flip) };
     loop {
         let bit = group.bits.ilog2();
         group.bits &= !(1 << bit);
@@ -120,7 +115,7 @@ fn walk<'a, V: Visitor<'a>>(
             triangles &= !(((1 << count) - 1) << first);
             visitor.leaf(entry, node.first_triangle() + first, count)?;
         }
-        group = Group { first: node.first_node(), bits: hits & NODES | node.inner() };
+        group = NodeGroup { first: node.first_node(), bits: hits & NODES | node.inner() };
         if group.bits & NODES == 0 {
             if used == 0 {
                 return ControlFlow::Continue(());

@@ -9,8 +9,8 @@ use core::cmp::Ordering;
 use core::fmt;
 use rt_core::Aabb;
 
-/// Steps of a grid that may span at most the scene, beyond which a box may reach by one step: so that a plane is off the
-/// scene by less than 2⁻⁶ of its size, as the error bound of the ray–box test assumes.
+/// Steps of a grid that may span at most the scene, beyond which a box may reach by one step: so that a plane is off
+/// the scene by less than 2⁻⁶ of its size, as the error bound of the ray–box test assumes.
 const STEPS: f64 = 127.0;
 
 impl WideTree {

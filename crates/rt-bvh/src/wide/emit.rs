@@ -16,9 +16,9 @@ pub(super) struct Emitted {
     pub depth: u32,
 }
 
-/// Writes nodes depth first. The triangles of a node's leaves come side by side, then those below its children, one child
-/// after the other: so the triangles of a two-wide leaf, which `collapse` never deals to two wide nodes other than by giving
-/// it a subtree of its own, stay side by side and in order.
+/// Writes nodes depth first. The triangles of a node's leaves come side by side, then those below its children, one
+/// child after the other: so the triangles of a two-wide leaf, which `collapse` never deals to two wide nodes other
+/// than by giving it a subtree of its own, stay side by side and in order.
 pub(super) fn emit(scene: &Scene, plan: &Plan) -> Emitted {
     let mut emitted =
         Emitted { nodes: vec![WideNode::EMPTY], slots: Vec::with_capacity(scene.triangles().len()), depth: 0 };

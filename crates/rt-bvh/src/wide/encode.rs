@@ -16,11 +16,11 @@ pub(super) struct Entry {
     pub triangles: u32,
 }
 
-/// The slot of each child: near that corner of the node whose number it has, where bit k of a number says that the corner is
-/// on the upper side of axis k.
+/// The slot of each child: near that corner of the node whose number it has, where bit k of a number says that the
+/// corner is on the upper side of axis k.
 ///
-/// A ray visits slots in an order that depends on the signs of its direction alone, and so roughly from front to back. Ylitie
-/// et al. (2017) solve an assignment problem; we take the best pair of child and slot again and again.
+/// A ray visits slots in an order that depends on the signs of its direction alone, and so roughly from front to back.
+/// Ylitie et al. (2017) solve an assignment problem; we take the best pair of child and slot again and again.
 pub(super) fn places(entries: &[Entry]) -> Vec<u8> {
     let middle = |bounds: &Aabb| bounds.min * 0.5 + bounds.max * 0.5;
     let whole = entries.iter().fold(Aabb::EMPTY, |all, entry| all.union(entry.bounds));
@@ -83,8 +83,8 @@ pub(super) fn encode(entries: &[Entry], places: &[u8], first_node: u32, first_tr
 
 /// Compares `x − origin` with `steps`, exactly.
 ///
-/// The difference is the sum of its rounded value and a rest (D. Knuth's two-sum), and rounding is monotone: so the rest
-/// only matters where the rounded value is a draw.
+/// The difference is the sum of its rounded value and a rest (D. Knuth's two-sum), and rounding is monotone: so the
+/// rest only matters where the rounded value is a draw.
 pub(super) fn compare(x: f32, origin: f32, steps: f64) -> Ordering {
     let (x, minus) = (f64::from(x), -f64::from(origin));
     let sum = x + minus;

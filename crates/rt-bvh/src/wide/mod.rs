@@ -2,13 +2,13 @@
 //!
 //! After H. Ylitie, T. Karras and S. Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs*
 //! (HPG 2017): nodes of 80 bytes for up to eight children, whose boxes are given in 8 bits on a grid of the node's own.
-//! The module `collapse` chooses which nodes of the two-wide tree become children of a wide one, `encode` puts their boxes on the
-//! grid, `check` proves in exact arithmetic that every box holds what is below it.
+//! The module `collapse` chooses which nodes of the two-wide tree become children of a wide one, `encode` puts their
+//! boxes on the grid, `check` proves in exact arithmetic that every box holds what is below it.
 //!
 //! We deviate from the paper in these:
 //! * Exponents and boxes are computed exactly, by bit operations, not by logarithms and rounded divisions.
-//! * A grid's origin is the lower corner of the children's boxes, hence inside the scene: the error bound of the ray–box
-//!   test (module `trace::wide`) rests on it.
+//! * A grid's origin is the lower corner of the children's boxes, hence inside the scene: the error bound of the
+//!   ray–box test (module `trace::wide`) rests on it.
 //! * The order of the triangles suits both layouts, so that a device which holds both needs the triangles once: see
 //!   [`WideTree::scene`].
 
@@ -23,9 +23,9 @@ use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use rt_core::Scene;
 
-/// What visits cost, where a triangle test costs 1. A node: eight box tests, which are computed side by side. Between 1 and 8
-/// trees hardly differ (2% in nodes, 4% in tests of a ray): nearly every node fills its slots whatever it costs. A byte per
-/// child has three bits for its triangles.
+/// What visits cost, where a triangle test costs 1. A node: eight box tests, which are computed side by side. Between 1
+/// and 8 trees hardly differ (2% in nodes, 4% in tests of a ray): nearly every node fills its slots whatever it costs.
+/// A byte per child has three bits for its triangles.
 const COSTS: Costs = Costs { node: 3.0, leaf: |triangles| triangles as f32, largest_leaf: 3 };
 
 /// A node of the wide tree. 80 bytes, five loads of 16.
@@ -44,8 +44,8 @@ pub struct WideNode {
     first_node: u32,
     /// First triangle of the node's leaves.
     first_triangle: u32,
-    /// What is in each slot. 0: nothing. A node: `0x20 + 24 + slot`. A leaf: the first triangle after `first_triangle`, and
-    /// above five bits for that as many ones as it has triangles.
+    /// What is in each slot. 0: nothing. A node: `0x20 + 24 + slot`. A leaf: the first triangle after `first_triangle`,
+    /// and above five bits for that as many ones as it has triangles.
     meta: [u8; WIDTH],
     /// Lower planes by axis and slot.
     low: [[u8; WIDTH]; 3],
@@ -66,8 +66,8 @@ pub(crate) enum Slot {
     },
 }
 
-/// Exponent of the narrowest grid. Products with the reciprocals of directions stay far from underflow; and scenes, whose
-/// largest coordinate is near 1, are never that small where it matters.
+/// Exponent of the narrowest grid. Products with the reciprocals of directions stay far from underflow; and scenes,
+/// whose largest coordinate is near 1, are never that small where it matters.
 pub(crate) const LEAST_EXPONENT: i32 = -100;
 
 /// Lowest value of `WideNode::meta` without its upper bits that means a node.
@@ -168,8 +168,8 @@ impl WideTree {
 
     /// The given scene with its triangles in the order of the wide tree's leaves.
     ///
-    /// Its tree is the given one: triangles of a leaf are still side by side, in the same order. So rays have the same hits
-    /// and the same counts in it.
+    /// Its tree is the given one: triangles of a leaf are still side by side, in the same order. So rays have the same
+    /// hits and the same counts in it.
     #[must_use]
     pub const fn scene(&self) -> &Scene {
         &self.scene

@@ -2,9 +2,10 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use glam::Vec3;
-use rt_bvh::{BuildOptions, Builder, InvalidTriangles, Mesh, Stack, build, count, trace};
+use rt_bvh::{BlockTree, BuildOptions, Builder, InvalidTriangles, Mesh, Stack, build, count, trace};
 use rt_core::intersect::hit;
-use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk, random};
+use rt_core::{Coherence, Hit, Precision, Query, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk, random};
+use rt_simd::{Isa, Kernel, Scratch};
 use rt_verify::shapes;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -89,6 +90,21 @@ pub(crate) fn scene_of(model: &Model, builder: Builder) -> Arc<Scene> {
 pub(crate) fn closest(scene: &Scene, precision: Precision, rays: &[Ray]) -> Vec<Hit> {
     let spec = StreamSpec::new(Query::Closest, precision, false);
     trace_all(scene, spec, rays).into_iter().map(|(hit, _)| hit).collect()
+}
+
+/// The nearest hits of the kernels for all instructions that the processor has.
+pub(crate) fn in_words(scene: &Scene, rays: &[Ray]) -> Vec<(Isa, Vec<Hit>)> {
+    let tree = BlockTree::new(scene).expect("few blocks");
+    tree.check(scene).expect("sound");
+    let mut scratch = Scratch::default();
+    let kernels = Isa::available().into_iter().filter_map(|isa| Some((isa, Kernel::new(isa)?)));
+    kernels
+        .map(|(isa, kernel)| {
+            let mut hits = vec![Hit::MISS; rays.len()];
+            kernel.trace(&tree, &mut scratch, (Query::Closest, Coherence::Unknown), rays, &[], &mut hits);
+            (isa, hits)
+        })
+        .collect()
 }
 
 pub(crate) fn trace_all(scene: &Scene, spec: StreamSpec, rays: &[Ray]) -> Vec<(Hit, TestCounts)> {

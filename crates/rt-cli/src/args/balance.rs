@@ -1,6 +1,6 @@
 //! How work is cut, estimated and dealt.
 
-use super::CardArgs;
+use super::DeviceArgs;
 use super::parse::{named, parse_devices, parse_fraction, parse_seconds, parse_share, reduced_walk};
 use clap::Args;
 use rt_balance::QueueKind;
@@ -32,7 +32,7 @@ pub(crate) struct BalanceArgs {
     #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     #[command(flatten)]
-    pub(crate) cards: CardArgs,
+    pub(crate) device: DeviceArgs,
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
     /// How tasks are dealt to devices, or ordered (central queue)

@@ -1,7 +1,7 @@
 //! Options of `raybalance bench`.
 
 use super::parse::parse_devices;
-use super::{CardArgs, SceneArgs};
+use super::{DeviceArgs, SceneArgs};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     #[command(flatten)]
-    pub(crate) cards: CardArgs,
+    pub(crate) device: DeviceArgs,
     /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
     #[arg(long, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
     pub(crate) rays: Option<u32>,

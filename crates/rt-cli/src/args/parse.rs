@@ -1,10 +1,12 @@
-//! Values on the command line: names of the catalogue, devices, fractions, sizes, points, amounts of memory.
+//! Values on the command line: names of the catalogue, devices, points, amounts of memory.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use glam::{DVec3, Vec3};
 use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
 use rt_balance::devices::{self, ListError};
 use std::time::Duration;
+
+pub(super) use rt_lab::arguments::{fraction as parse_fraction, size as parse_size};
 
 /// The list stays text: opening it reads it again.
 pub(super) fn parse_devices(text: &str) -> Result<String, ListError> {
@@ -25,15 +27,6 @@ pub(super) fn reduced_walk() -> impl TypedValueParser<Value = &'static Entry<Mak
         .map(move |name| reduced_estimators().find(|e| short(e) == name).expect("no other name passes the parser"))
 }
 
-pub(super) fn parse_fraction(text: &str) -> Result<f64, String> {
-    let number = |s: &str| s.trim().parse::<f64>().map_err(|_| format!("`{s}` is not a number"));
-    let value = match text.split_once('/') {
-        Some((over, under)) => number(over)? / number(under)?,
-        None => number(text)?,
-    };
-    if (1.0 / 4096.0..=1.0).contains(&value) { Ok(value) } else { Err("must be from 1/4096 to 1".to_owned()) }
-}
-
 pub(super) fn parse_share(text: &str) -> Result<f64, String> {
     match text.trim().parse::<f64>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
@@ -51,15 +44,6 @@ pub(super) fn parse_fov(text: &str) -> Result<f32, String> {
 pub(super) fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.trim().parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     seconds.filter(|seconds| !seconds.is_zero()).ok_or_else(|| "must be a number of seconds above 0".to_owned())
-}
-
-pub(super) fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or("write it as WIDTHxHEIGHT, such as 960x600")?;
-    let side = |s: &str| match s.trim().parse::<u32>() {
-        Ok(n @ 1..=65_536) => Ok(n),
-        _ => Err(format!("`{s}` is not a whole number from 1 to 65536")),
-    };
-    Ok([side(width)?, side(height)?])
 }
 
 pub(super) fn parse_point(text: &str) -> Result<DVec3, String> {
@@ -96,14 +80,10 @@ mod tests {
 
     #[test]
     fn values_are_parsed_or_explained() {
-        assert_eq!(parse_fraction("1/64"), Ok(1.0 / 64.0));
-        assert!(parse_fraction("0").is_err() && parse_fraction("2").is_err() && parse_fraction("1/0").is_err());
         assert_eq!(parse_fov("40"), Ok(40.0));
         assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| parse_fov(text).is_err()));
         assert_eq!(parse_seconds("0.5"), Ok(Duration::from_millis(500)));
         assert!(["0", "-1", "nan", "inf", "1e300", "soon"].iter().all(|text| parse_seconds(text).is_err()));
-        assert_eq!(parse_size("640x400"), Ok([640, 400]));
-        assert!(parse_size("640").is_err() && parse_size("0x4").is_err());
         assert_eq!(parse_vec3("1,-2, .5"), Ok(Vec3::new(1.0, -2.0, 0.5)));
         assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err() && parse_vec3("1,2,1e39").is_err());
         assert_eq!(parse_point("500000.05, 5412345.312,1e39"), Ok(DVec3::new(500_000.05, 5_412_345.312, 1e39)));

@@ -38,8 +38,8 @@ pub(crate) struct RenderArgs {
     /// Vertical field of view in degrees
     #[arg(long, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
-    /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene, 12 bytes
-    /// a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
+    /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene,
+    /// 12 bytes a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
     #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
     pub(crate) memory: u64,
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known

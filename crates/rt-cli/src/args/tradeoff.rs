@@ -35,17 +35,19 @@ pub(crate) struct TradeArgs {
     pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
-    /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics card]
+    /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics
+    /// card]
     #[arg(long, visible_aliases = ["device", "backend"], value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
-    /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget demands it]
+    /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget
+    /// demands it]
     #[arg(long, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,
     /// Interleaved repetitions, at least 6 for intervals of 95% [default: 9; 2 with --quick]
     #[arg(long, visible_alias = "runs", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeat: Option<u32>,
-    /// Seconds that it may take: a repetition that would end later is not begun, but one is always measured [default of all
-    /// trades together: 600; 150 with --quick]
+    /// Seconds that it may take: a repetition that would end later is not begun, but one is always measured [default of
+    /// all trades together: 600; 150 with --quick]
     #[arg(long, value_name = "SECONDS")]
     pub(crate) budget: Option<u32>,
     /// Seed of samples, pixels and bounces

@@ -2,10 +2,10 @@
 
 use super::PrecisionArg;
 use super::parse::parse_devices;
-use crate::exit::Exit;
 use clap::Args;
 use rt_bvh::Builder;
 use rt_lab::DEFAULT_BUILDER;
+use rt_report::exit::Exit;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -29,7 +29,8 @@ pub(crate) struct VerifyArgs {
     /// 10^8 rays at closed surfaces, 10^7 spawned rays, 2^24 triangles
     #[arg(long, conflicts_with = "quick")]
     pub(crate) full: bool,
-    /// Rays of each line about closed surfaces, with which the other lines scale [default: 210,000; 6,720,000 with --full]
+    /// Rays of each line about closed surfaces, with which the other lines scale [default: 210,000; 6,720,000 with
+    /// --full]
     #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
     pub(crate) rays: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow

@@ -1,6 +1,7 @@
 //! Standard output, files and their names as the outside world has them: closed, full, in use, no text.
 
 use crate::folder::{Ended, Folder, SMALL, ray};
+use rt_report::Provenance;
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::os::unix::ffi::OsStrExt;
@@ -98,6 +99,97 @@ fn what_is_appended_to_a_log_leaves_the_log() {
     assert_eq!(fs::read(folder.at("log")).unwrap(), held);
 }
 
+/// Material libraries are found in the scene's file, wherever and however it names them.
+// Mutants: libraries left out of `Prepared`; one of the commands that does not ask; names compared instead of files.
+#[test]
+fn materials_of_a_scene_are_not_overwritten() {
+    let folder = Folder::new();
+    fs::create_dir(folder.at("sub")).unwrap();
+    let scene = fs::read_to_string(folder.at("scene.obj")).unwrap();
+    fs::write(folder.at("scene.obj"), format!("mtllib a.mtl sub/B.mtl\nmtllib report.json\n{scene}")).unwrap();
+    for name in ["a.mtl", "sub/b.mtl", "report.json"] {
+        fs::write(folder.at(name), "newmtl red\nKd 1 0 0\n").unwrap();
+    }
+    let before = folder.names();
+    for words in [
+        "trace scene.obj --rays rays.npy --hits a.mtl",
+        "trace scene.obj --rays rays.npy --hits hits.npy --counts ./sub/b.mtl",
+        "render scene.obj --out .",
+        "bench scene.obj --quick --devices cpu:1 --out sub/b.mtl",
+    ] {
+        let ended = folder.run(words);
+        assert!(ended.code == Some(2) && ended.err.contains("would overwrite the materials"), "{words}: {ended:?}");
+        assert_eq!(folder.names(), before, "{words}");
+    }
+    fs::write(folder.at("scene.obj"), format!("mtllib report.html\n{scene}")).unwrap();
+    fs::write(folder.at("report.html"), "newmtl red\n").unwrap();
+    for words in
+        ["figure1 scene.obj --quick --devices cpu:1", "tradeoff precision scene.obj", "tradeoff build scene.obj"]
+    {
+        let ended = folder.run(&format!("{words} --out ."));
+        assert!(ended.code == Some(2) && ended.err.contains("would overwrite the materials"), "{words}: {ended:?}");
+    }
+    assert_eq!(fs::read_to_string(folder.at("report.html")).unwrap(), "newmtl red\n");
+}
+
+/// Mutants: all pixels on the page; no way to them; more than the picture on the page grows with it.
+#[test]
+fn a_page_stays_small() {
+    let folder = Folder::new();
+    let ended = folder.run("render yard --size 2000x1200 --spp 1 --bounces 0 --task-size 32 --out out");
+    assert_eq!(ended.code, Some(0), "{ended:?}");
+    let page = fs::read_to_string(folder.at("out/report.html")).unwrap();
+    assert!(page.len() < rt_report::html::LARGEST, "{}", page.len());
+    assert!(page.contains("Scaled to 1/2") && page.contains("href=\"image.png\""));
+    assert!(page.contains("75,000 tasks are more than fit this page"));
+}
+
+/// Every file of results says where it comes from.
+// Mutants: a file written without; the seed of another option.
+#[test]
+fn every_file_says_where_it_comes_from() {
+    let folder = Folder::new();
+    let cube = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+        f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+    fs::write(folder.at("cube.obj"), cube).unwrap();
+    let small = "--quick --size 16x16 --seed 77 --devices cpu:1";
+    for words in [
+        "render cube.obj --size 16x16 --spp 1 --seed 77 --devices cpu:1 --out a".to_owned(),
+        format!("figure1 cube.obj {small} --repeat 1 --task-sizes 64 --out b"),
+        format!("tradeoff build cube.obj {small} --runs 1 --out c"),
+        format!("tradeoff sampling cube.obj {small} --runs 1 --out d"),
+        "tradeoff precision cube.obj --quick --size 16x16 --seed 77 --runs 1 --backend cpu:1 --out e".to_owned(),
+        "bench cube.obj --seed 77 --devices cpu:1 --rays 64 --repeat 1 --out f/bench.json".to_owned(),
+    ] {
+        let ended = folder.run(&words);
+        assert_eq!(ended.code, Some(0), "{words}: {ended:?}");
+    }
+    let mut seen = 0;
+    for out in ["a", "b", "c", "d", "e", "f"] {
+        for entry in fs::read_dir(folder.at(out)).unwrap() {
+            let path = entry.unwrap().path();
+            // Pictures have none: they are the same whenever and wherever they are made.
+            if path.extension().is_some_and(|kind| kind == "png") {
+                continue;
+            }
+            let text = fs::read_to_string(&path).unwrap();
+            let provenance = Provenance::now(77, [""]);
+            for part in [
+                provenance.commit,
+                &provenance.machine.processor,
+                &provenance.date[..8],
+                "77",
+                "cube.obj",
+                "raybalance",
+            ] {
+                assert!(text.contains(part), "`{part}` is missing in {}", path.display());
+            }
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, 4 + 4 + 5 + 5 + 5 + 1);
+}
+
 #[test]
 fn names_need_not_be_text() {
     let folder = Folder::new();
@@ -119,7 +211,7 @@ fn names_need_not_be_text() {
     );
     assert_eq!(ended.code, Some(0), "{ended:?}");
     let report: serde_json::Value = serde_json::from_str(&ended.out).unwrap();
-    assert!(report["command"].as_array().unwrap().iter().any(|word| word == "out_\u{fffd}"), "{report}");
+    assert!(report["provenance"]["command"].as_str().unwrap().ends_with("--out 'out_\u{fffd}'"), "{report}");
     let out = folder.at("").join(&out);
     assert!(["image.png", "report.json", "report.html"].iter().all(|name| out.join(name).exists()));
 

@@ -1,7 +1,8 @@
-//! SIGINT and SIGTERM end every command, wherever it is, with the exit code that says so, and leave no half-written file.
+//! SIGINT and SIGTERM end every command, wherever it is, with the exit code that says so, and leave no half-written
+//! file.
 //!
-//! Nothing here is timed but for a limit that only a command deaf to signals reaches: when the signal arrives the command may be
-//! anywhere, which is the point.
+//! Nothing here is timed but for a limit that only a command deaf to signals reaches: when the signal arrives the
+//! command may be anywhere, which is the point.
 
 use crate::folder::{self, Folder};
 use signal_hook::consts::{SIGINT, SIGTERM};

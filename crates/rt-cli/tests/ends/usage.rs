@@ -1,4 +1,5 @@
-//! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before any work.
+//! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before
+//! any work.
 
 use crate::folder::{self, Folder};
 
@@ -96,6 +97,25 @@ fn wrong_usage_is_2_and_says_what_is_wrong() {
         assert_eq!(folder.names(), before, "{words}");
     }
     assert_eq!(std::fs::read_to_string(folder.at("scene.obj")).unwrap(), folder::SCENE);
+}
+
+/// What switches something on in a backend: 1 or 0. Whatever the command, and whether it uses the backend or not.
+// Mutants: `check_environment` not called; one of the backends left out of it.
+#[test]
+fn environment_variables_are_right_or_refused_by_name() {
+    let folder = Folder::new();
+    for variable in ["RAYBALANCE_WGPU_TRUSTED", "RAYBALANCE_VULKAN_VALIDATION"] {
+        for (value, code) in [("yes", 2), ("2", 2), (" 1", 2), ("on", 2), ("", 0), ("0", 0)] {
+            for words in ["scenes", "render scene.obj --size 8x8 --spp 1 --bounces 0 --devices cpu:1"] {
+                let mut command = folder.raybalance();
+                let ended = command.args(words.split_whitespace()).env(variable, value).output().unwrap();
+                let ended = folder::Ended::of(ended);
+                assert_eq!(ended.code, Some(code), "{variable}={value} {words}: {ended:?}");
+                let is_named = ended.err.contains(variable) && ended.err.contains(&format!("`{value}`"));
+                assert_eq!(is_named, code == 2, "{variable}={value} {words}: {ended:?}");
+            }
+        }
+    }
 }
 
 /// Right as words, but not to be had here: the command fails, it was not used wrongly.

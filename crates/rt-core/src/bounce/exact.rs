@@ -39,8 +39,8 @@ fn halves(a: Vec3A) -> [Vec3A; 2] {
 
 /// One over the root of a positive number, to 3 · 2⁻²⁴ of it.
 ///
-/// A first guess by the number's bits (C. Lomont, *Fast Inverse Square Root*, 2003), off by 0.0018, and Newton's step three
-/// times: 5 · 10⁻⁶, 3 · 10⁻¹¹, and what rounding leaves.
+/// A first guess by the number's bits (C. Lomont, *Fast Inverse Square Root*, 2003), off by 0.0018, and Newton's step
+/// three times: 5 · 10⁻⁶, 3 · 10⁻¹¹, and what rounding leaves.
 #[inline]
 pub(super) fn rsqrt(x: f32) -> f32 {
     let half = 0.5 * x;

@@ -1,8 +1,8 @@
 //! Rays that leave surfaces where other rays met them, made on demand from their number.
 //!
-//! This module defines them. All it does are sums and products in single precision, whole numbers and the choice between
-//! them, so that a device without double precision, and one that does not divide or take roots as IEEE 754 says, can make
-//! the same bits: no result depends on who computes it.
+//! This module defines them. All it does are sums and products in single precision, whole numbers and the choice
+//! between them, so that a device without double precision, and one that does not divide or take roots as IEEE 754
+//! says, can make the same bits: no result depends on who computes it.
 
 mod direction;
 mod exact;
@@ -64,7 +64,8 @@ impl Surfaces {
     }
 }
 
-/// Where a ray leaves a surface: a point of a triangle, one of its sides, and the path that the ray belongs to. 16 bytes.
+/// Where a ray leaves a surface: a point of a triangle, one of its sides, and the path that the ray belongs to. 16
+/// bytes.
 ///
 /// A path is a ray from the camera with all that follows from it, one ray after the other.
 #[repr(C)]
@@ -75,8 +76,8 @@ pub struct Departure {
     pub weights: [u32; 2],
     /// The triangle.
     pub primitive: u32,
-    /// Number of the path in its wave: that of the camera ray it began with. So a ray knows its pixel and its random numbers
-    /// however many paths have ended before.
+    /// Number of the path in its wave: that of the camera ray it began with. So a ray knows its pixel and its random
+    /// numbers however many paths have ended before.
     pub path: u32,
 }
 
@@ -124,9 +125,9 @@ impl Departure {
 
 /// How the directions of a stream are drawn.
 ///
-/// Random numbers come from [`random::spread_pair`] of (seed, group of the path, bounce, number in the group), so that the
-/// rays of one group spread evenly. They do not depend on the waves in which an image is traced, since each wave says which
-/// group its first one is. The frames of an animation number their groups alike and need different seeds.
+/// Random numbers come from [`random::spread_pair`] of (seed, group of the path, bounce, number in the group), so that
+/// the rays of one group spread evenly. They do not depend on the waves in which an image is traced, since each wave
+/// says which group its first one is. The frames of an animation number their groups alike and need different seeds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Scatter {
     /// Where the rays go.

@@ -5,15 +5,15 @@ use crate::scale::{exponent, pow2, scaled};
 use crate::{Ray, Triangle};
 use glam::{Vec3, Vec3A, Vec3Swizzles};
 
-/// A triangle as its points are computed: in a unit of its own, so that the same numbers are computed whatever the unit of
-/// the scene.
+/// A triangle as its points are computed: in a unit of its own, so that the same numbers are computed whatever the unit
+/// of the scene.
 ///
 /// # Why nothing is lost
 ///
-/// Coordinates are given ones times 2^−exponent, the largest, S, is in [½, 1). Those below 2⁻³⁸ are rounded to multiples of
-/// 2⁻⁶⁰, which moves no vertex by more than 2⁻⁶⁰. Weights are multiples of 2⁻²⁴. So edges are multiples of 2⁻⁶¹, what
-/// products leave over one of 2⁻¹²², and no number anywhere is so small that devices, which may take denormal numbers for
-/// zero, would differ.
+/// Coordinates are given ones times 2^−exponent, the largest, S, is in [½, 1). Those below 2⁻³⁸ are rounded to
+/// multiples of 2⁻⁶⁰, which moves no vertex by more than 2⁻⁶⁰. Weights are multiples of 2⁻²⁴. So edges are multiples of
+/// 2⁻⁶¹, what products leave over one of 2⁻¹²², and no number anywhere is so small that devices, which may take
+/// denormal numbers for zero, would differ.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
     vertices: [Vec3A; 3],
@@ -33,18 +33,19 @@ const LEAST_NORMAL: f32 = pow2(-30) as f32;
 /// How far along the normal a point is moved, in units in which S is in [½, 1).
 ///
 /// With `u = 2⁻²⁴`: a point is off its triangle's plane by at most `√3 · 20 u²` for the sum of three exact products and
-/// `√3 · 2⁻⁶⁰` for the grid, and by `√3 · u²/2` for the sum of the steps: 2⁻⁴²·⁸. Rounding moves each coordinate by up to
-/// `2⁻²³ S` in the direction of the normal's component as computed: where that has the wrong sign, it is wrong by at most
-/// 2⁻²¹, the error of the normal, so by `√3 · 2⁻⁴⁴` away from the normal. Together that is less than 2⁻⁴¹·⁸. A neighbour in the same
-/// plane must be left behind too: the reference test finds its `t` with an error of about `2⁻⁴⁹ S / cos`, `cos` between ray
-/// and normal, while the true `t` is at most `−(2⁻⁴⁰ − 2⁻⁴¹·⁸) / cos`. Beside the rounding of coordinates, 2⁻²⁴, it is nothing.
+/// `√3 · 2⁻⁶⁰` for the grid, and by `√3 · u²/2` for the sum of the steps: 2⁻⁴²·⁸. Rounding moves each coordinate by up
+/// to `2⁻²³ S` in the direction of the normal's component as computed: where that has the wrong sign, it is wrong by at
+/// most 2⁻²¹, the error of the normal, so by `√3 · 2⁻⁴⁴` away from the normal. Together that is less than 2⁻⁴¹·⁸. A
+/// neighbour in the same plane must be left behind too: the reference test finds its `t` with an error of about
+/// `2⁻⁴⁹ S / cos`, `cos` between ray and normal, while the true `t` is at most `−(2⁻⁴⁰ − 2⁻⁴¹·⁸) / cos`. Beside the
+/// rounding of coordinates, 2⁻²⁴, it is nothing.
 const CLEARANCE: f32 = pow2(-40) as f32;
 
 /// Half a step between numbers, relative to them, and a little more, for the rounding of what it is added to.
 const HALF_STEP: f32 = 1.001 / 16_777_216.0;
 
-/// Below it a coordinate is taken for 0, in units in which S is in [½, 1): less than [`CLEARANCE`] along a component of the
-/// normal of 2⁻²⁰, which is not missed.
+/// Below it a coordinate is taken for 0, in units in which S is in [½, 1): less than [`CLEARANCE`] along a component of
+/// the normal of 2⁻²⁰, which is not missed.
 const LEAST_COORDINATE: f32 = pow2(-60) as f32;
 
 /// Least exponent of triangles whose points have no denormal coordinate.
@@ -80,7 +81,8 @@ impl Surface {
     }
 
     /// Where a ray begins that leaves on the side of `normal`, which is [`Surface::normal`] or its opposite: a
-    /// single-precision point strictly on that side. `weights` are those of the vertices, multiples of 2⁻²⁴ whose sum is 1.
+    /// single-precision point strictly on that side. `weights` are those of the vertices, multiples of 2⁻²⁴ whose sum
+    /// is 1.
     ///
     /// The idea is that of M. Pharr, W. Jakob and G. Humphreys, *Physically Based Rendering*, 4th edition (2023),
     /// section 6.8: move the computed point along the normal by a bound of its error, then round every coordinate
@@ -144,8 +146,8 @@ fn mean(weights: [f32; 3], vertices: [Vec3A; 3]) -> Sums {
 
 /// The unit normal of a triangle, whose components are 0 or at least [`LEAST_NORMAL`]; `None` if it has no area.
 ///
-/// Edges are exact sums of two numbers. Their cross product is right to some 2⁻⁴⁴ of the edges' lengths, so the normal to
-/// 2⁻²² or so for every triangle but needles of an angle below 2⁻²².
+/// Edges are exact sums of two numbers. Their cross product is right to some 2⁻⁴⁴ of the edges' lengths, so the normal
+/// to 2⁻²² or so for every triangle but needles of an angle below 2⁻²².
 fn unit_normal([a, b, c]: &[Vec3A; 3]) -> Option<Vec3> {
     let area = cross(two_sum(*b, -*a), two_sum(*c, -*a));
     let largest = area.abs().max_element();

@@ -1,5 +1,5 @@
-//! What double precision leaves open, decided in exact arithmetic. Called for few pairs of ray and triangle, and so apart from
-//! the code of all others.
+//! What double precision leaves open, decided in exact arithmetic. Called for few pairs of ray and triangle, and so
+//! apart from the code of all others.
 
 use super::{Intersection, Shear, round_distance};
 use crate::Triangle;
@@ -8,8 +8,8 @@ use crate::scale::pow2;
 use core::cmp::Ordering;
 use glam::DVec3;
 
-/// How far a distance that is estimated from exact numbers may be from the right one, relative to it: far more than the 2⁻⁴⁸ of
-/// two estimates and a quotient, far less than a rounding to single precision.
+/// How far a distance that is estimated from exact numbers may be from the right one, relative to it: far more than the
+/// 2⁻⁴⁸ of two estimates and a quotient, far less than a rounding to single precision.
 const ERROR: f64 = 1.0 / (1_u64 << 40) as f64;
 
 /// Distances beyond this are beyond every number in single precision, and those below its reciprocal below every one.
@@ -67,8 +67,8 @@ pub(super) fn distance(shear: &Shear, triangle: &Triangle) -> f32 {
     if low == high {
         return low;
     }
-    // The distance is rounded to one of two neighbours: which, says the number halfway between them. The one beyond the largest
-    // number would be 2¹²⁸.
+    // The distance is rounded to one of two neighbours: which, says the number halfway between them. The one beyond the
+    // largest number would be 2¹²⁸.
     let [x, y] = [low, high].map(|t| if t.is_finite() { f64::from(t) } else { pow2(128).copysign(t.into()) });
     let half = 0.5 * (x + y);
     let at_half = Expansion::<192>::product(&determinant, half * pow2(-shear.scale_exponent));

@@ -62,8 +62,8 @@ fn an_origin_in_a_triangle_hits_it_at_zero() {
     }
 }
 
-// Double precision cannot tell this triangle of size 10⁻¹⁴ from a point on the ray, which passes it at 4.84 units. Fails
-// without the bound on edge functions, and when exact arithmetic is not asked.
+// Double precision cannot tell this triangle of size 10⁻¹⁴ from a point on the ray, which passes it at 4.84 units.
+// Fails without the bound on edge functions, and when exact arithmetic is not asked.
 #[test]
 fn a_tiny_triangle_beside_the_ray_is_not_hit() {
     let tiny = Triangle::new(
@@ -213,8 +213,8 @@ fn rescaled(triangle: &Triangle, exponent: i32) -> Option<Triangle> {
     Some(Triangle::new(to(triangle.a)?, to(triangle.b)?, to(triangle.c)?))
 }
 
-/// Coordinates that make trouble: small whole numbers, so that edges, planes and draws are met exactly; few bits at far-apart
-/// magnitudes; any number at all.
+/// Coordinates that make trouble: small whole numbers, so that edges, planes and draws are met exactly; few bits at
+/// far-apart magnitudes; any number at all.
 fn coordinate(kind: u32, bits: [u32; 3]) -> f32 {
     let [value, size, sign] = bits;
     let fraction = f32::from_bits(0x3f80_0000 | value >> 9);
@@ -255,8 +255,8 @@ fn troubled(seed: u32) -> (Ray, Triangle) {
     (Ray::new(origin, direction), Triangle::new(a, b, c))
 }
 
-// Fails when the bounds on edge functions or on distances are a thirtieth of what they are, when a draw is not rounded to even,
-// when exact arithmetic decides a sign with another of the volumes, and when either test depends on the unit.
+// Fails when the bounds on edge functions or on distances are a thirtieth of what they are, when a draw is not rounded
+// to even, when exact arithmetic decides a sign with another of the volumes, and when either test depends on the unit.
 #[test]
 fn hits_are_those_of_whole_numbers() {
     let (mut tried, mut hits, mut at_zero) = (0, 0, 0);

@@ -8,8 +8,9 @@ use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
+use rt_balance::cpu::Isa;
 use rt_balance::devices::{CardOptions, Opened, Opener};
-use rt_report::command_words;
+use rt_report::Provenance;
 use rt_report::output::{self, Outputs};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,7 +27,7 @@ const QUICK_RAYS: u32 = 1 << 14;
 const QUICK_REPEAT: u32 = 3;
 
 /// The version of the JSON's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What to measure.
 #[derive(Clone, Debug)]
@@ -37,6 +38,8 @@ pub struct Options {
     pub devices: String,
     /// How graphics cards are used.
     pub cards: CardOptions,
+    /// Instructions that processors trace with; `None`: the best there are.
+    pub isa: Option<Isa>,
     /// Rays of a launch; `None`: as many as suit the device.
     pub rays: Option<u32>,
     /// Repetitions that count.
@@ -60,16 +63,15 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         [] => DEFAULT_SCENES.map(PathBuf::from).to_vec(),
         named => named.to_vec(),
     };
-    if let Some(path) = &options.out {
-        Outputs::new().file("--out", path).scenes(&scenes).check()?;
-    }
-    let devices = Opener::with_cards(options.cards).open_in_turn(&options.devices).context("--devices")?;
+    let outputs = options.out.iter().fold(Outputs::new(), |outputs, path| outputs.file("--out", path)).scenes(&scenes);
+    outputs.check()?;
+    let lab = lab.writing(&outputs);
+    let devices =
+        Opener::with_cards(options.cards).with_isa(options.isa).open_in_turn(&options.devices).context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
-        seed: options.seed,
+        provenance: Provenance::now(options.seed, devices.iter().map(|opened| opened.device.info().name.clone())),
         repeat,
         paper: PAPER,
         results: Vec::new(),
@@ -78,7 +80,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         lab.show.print(results::introduction(repeat).trim_end())?;
     }
     for name in &scenes {
-        let prepared = (lab.scenes)(name)?;
+        let prepared = lab.prepare(name)?;
         let scene = BenchScene::new(&prepared);
         let described = SceneResult {
             source: prepared.model.source.clone(),

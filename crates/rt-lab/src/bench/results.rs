@@ -3,6 +3,7 @@
 use super::measure::{Measured, QUEUED, Samples, WALKS};
 use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary, ratios};
+use rt_report::Provenance;
 use rt_report::table::{Table, grouped, percent, seconds};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -12,18 +13,15 @@ use std::fmt::Write;
 #[derive(Debug, Serialize)]
 pub(crate) struct Results {
     pub(crate) schema: u32,
-    pub(crate) version: &'static str,
-    /// The command line, program name left out.
-    pub(crate) command: Vec<String>,
-    pub(crate) seed: u32,
+    pub(crate) provenance: Provenance,
     pub(crate) repeat: u32,
     pub(crate) paper: Paper,
     /// One entry for each scene and device.
     pub(crate) results: Vec<DeviceResult>,
 }
 
-/// Seconds of reduced over full traversal in M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing
-/// on Multi-GPU Systems* (2013), on a Tesla C1060.
+/// Seconds of reduced over full traversal in M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray
+/// Tracing on Multi-GPU Systems* (2013), on a Tesla C1060.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Paper {
     pub(crate) coherent: f64,

@@ -73,8 +73,8 @@ impl<'a> BenchScene<'a> {
     }
 }
 
-/// `count` shadow and as many diffuse rays, from round after round off all hits, each with other random numbers: those of the
-/// pixels that would come next in a larger picture.
+/// `count` shadow and as many diffuse rays, from round after round off all hits, each with other random numbers: those
+/// of the pixels that would come next in a larger picture.
 fn filled(paths: &Paths, wave: &Wave, hits: &[Hit], count: u32) -> [RaySource; 2] {
     let follow = |first: u32| paths.follow(&paths.primary(&Wave { first, ..wave.clone() }), hits);
     let streams = follow(0);

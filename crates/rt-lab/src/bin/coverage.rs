@@ -1,20 +1,21 @@
 //! How often 95% intervals of estimates hold on real scenes: promise 10, the table of docs/results/robustness.md.
 //!
-//! `cargo run --release -p rt-lab --bin coverage -- SCENE... [--size 512x512] [--task-size 1024] [--trials 200]
-//! [--seed 1] [--one-in 8,64] [--only NAME,...]`; a scene is `yard`, `car` or an OBJ file.
+//! `cargo run --release -p rt-lab --bin coverage -- --help`
 //!
 //! Every ray's tests are counted once; then each estimator is asked again and again, with another seed each time, and
-//! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or does
-//! not. So neither the machine nor its load matters, but for the last column. Tasks that were walked in full, and are
-//! certain, are left out.
+//! answered from these counts. A trial is one task of one estimate: its interval holds its exact number of tests or
+//! does not. So neither the machine nor its load matters, but for the last column. Tasks that were walked in full, and
+//! are certain, are left out.
 //!
 //! Columns: samples of a task, on average; trials; share of the trials whose interval holds; the same over trials whose
-//! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals
-//! hold in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative
-//! to the task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; what
+//! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals hold
+//! in less than 90% of their trials, which a mean over tasks would hide; half the width of an interval, relative to the
+//! task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; what
 //! the estimator itself computes for one estimate, in milliseconds of one thread's processor time, in the median.
 #![forbid(unsafe_code)]
 
+use anyhow::Result;
+use clap::Parser;
 use rayon::prelude::*;
 use rt_balance::catalogue::{ESTIMATORS, Estimator, find};
 use rt_balance::stats::median;
@@ -23,16 +24,21 @@ use rt_core::{
     Coherence, CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step,
     StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
-use rt_lab::DEFAULT_BUILDER;
+use rt_lab::{DEFAULT_BUILDER, arguments};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
+use rt_report::print::Stdout;
+use rt_report::usage::usage;
 use rt_scene::prepare::{Options as Prepare, prepare};
 use rt_scene::streams::{self, PathStream, Wave};
 use rt_sched::estimate::interval_95;
 use rt_sched::metrics::EstimateErrors;
-use rt_sched::sample::Fraction;
-use std::error::Error;
-use std::path::Path;
+use std::io::{self, Write};
+use std::path::PathBuf;
+use std::process::ExitCode;
 
-/// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean hides.
+/// The least share of its own trials in which a task's intervals should hold: a task below it is one that the mean
+/// hides.
 const LEAST_OF_A_TASK: f64 = 0.9;
 
 /// Relative rounding of [`Work`]'s single precision, by which an interval of width 0 may miss.
@@ -41,13 +47,31 @@ const ROUNDING: f64 = 1e-6;
 /// Streams of the same rays that a warm estimator has seen before the one that is judged.
 const WARMING: u32 = 2;
 
+/// How often 95% intervals of estimates hold on real scenes.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Options {
-    scenes: Vec<String>,
+    /// Built-in scenes (yard, car) or OBJ files
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<PathBuf>,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = arguments::size)]
     size: [u32; 2],
+    /// Rays of a task
+    #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..))]
     task_size: u32,
+    /// Estimates by each estimator, each with a seed of its own
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     trials: u32,
+    /// Seed of the samples
+    #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u32,
-    fractions: Vec<Fraction>,
+    /// Shares of the rays that are sampled
+    #[arg(long, value_name = "F,...", value_delimiter = ',', default_value = "1/8,1/64")]
+    #[arg(value_parser = arguments::fraction)]
+    fractions: Vec<f64>,
+    /// Only estimators whose name begins with one of these
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     only: Vec<String>,
 }
 
@@ -84,17 +108,23 @@ struct Outcome {
     host_s: Vec<f64>,
 }
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
-    println!("command: coverage {}\n", std::env::args().skip(1).collect::<Vec<_>>().join(" "));
-    println!(
+fn main() -> ExitCode {
+    exit::main(|| run(&Options::parse()))
+}
+
+fn run(options: &Options) -> Result<()> {
+    // No device: rays are counted by the library.
+    let provenance = Provenance::now(options.seed, [format!("{} threads", rayon::current_num_threads())]);
+    writeln!(Stdout, "{provenance}")?;
+    writeln!(
+        Stdout,
         "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 90% | ± % | \
          error % | p95 % | host ms |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
-    let cases = cases(&options);
+    )?;
+    writeln!(Stdout, "|---|---|---|---|---|---|---|---|---|---|---|---|")?;
+    let cases = cases(options)?;
     for name in &options.scenes {
-        let scene = prepare(Path::new(name), &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
         let paths = scene.paths(&scene.view(), options.size, 1)?;
         let primary = paths.primary(&Wave::whole(options.size)?);
@@ -107,69 +137,34 @@ fn main() -> Result<(), Box<dyn Error>> {
                     .into_par_iter()
                     .map(|trial| case.trial(&stream, options.seed.wrapping_add(trial * (WARMING + 1))))
                     .reduce(Outcome::default, Outcome::plus);
-                print(&scene.name, &stream, case, outcome);
+                print(&scene.name, &stream, case, outcome)?;
             }
         }
     }
     Ok(())
 }
 
-impl Options {
-    fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self {
-            scenes: Vec::new(),
-            size: [512; 2],
-            task_size: 1024,
-            trials: 200,
-            seed: 1,
-            fractions: vec![Fraction::EIGHTH, Fraction::SIXTY_FOURTH],
-            only: Vec::new(),
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                "--task-size" => options.task_size = value()?.parse::<u32>()?.max(1),
-                "--trials" => options.trials = value()?.parse::<u32>()?.max(1),
-                "--seed" => options.seed = value()?.parse()?,
-                "--one-in" => {
-                    let fraction = |text: &str| text.parse().ok().and_then(|n: f64| Fraction::new(1.0 / n));
-                    let all: Option<Vec<Fraction>> = value()?.split(',').map(fraction).collect();
-                    options.fractions = all.ok_or("--one-in 8,64: one ray in so many, at most 4096")?;
-                }
-                "--only" => options.only = value()?.split(',').map(str::to_owned).collect(),
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
-            }
-        }
-        if options.scenes.is_empty() {
-            return Err("name a scene: yard, car, or OBJ files".into());
-        }
-        Ok(options)
-    }
-}
-
 /// Every estimator with errors of its own.
-fn cases(options: &Options) -> Vec<Case> {
+fn cases(options: &Options) -> Result<Vec<Case>> {
     let case = |suffix: &str, estimator: Estimator, warming| {
         let walk = estimator.make().walk().unwrap_or(Walk::Full);
         Case { name: format!("{}{suffix}", estimator.label()), estimator, walk, warming }
     };
     let mut cases = Vec::new();
     for &fraction in &options.fractions {
-        let of = |name| find(ESTIMATORS, name).and_then(|entry| entry.sampling(fraction));
+        let of = |name| find(ESTIMATORS, name).and_then(|entry| entry.with(fraction));
         cases.extend(["exact", "reduced", "field"].into_iter().filter_map(of).map(|chosen| case("", chosen, 0)));
         cases.extend(of("field").map(|chosen| case(", warm,", chosen, WARMING)));
     }
     let usual = |name| find(ESTIMATORS, name).map(|entry| case("", entry.usual(), 0));
     cases.extend(["adaptive", "auto"].into_iter().filter_map(usual));
     let asked = |case: &Case| options.only.is_empty() || options.only.iter().any(|only| case.name.starts_with(only));
-    cases.into_iter().filter(asked).collect()
+    let known: Vec<String> = cases.iter().map(|case: &Case| case.name.clone()).collect();
+    let cases: Vec<Case> = cases.into_iter().filter(asked).collect();
+    if cases.is_empty() {
+        return Err(usage(format!("--only {}: there are {}", options.only.join(","), known.join("; "))).into());
+    }
+    Ok(cases)
 }
 
 impl Stream {
@@ -247,10 +242,10 @@ impl Case {
             coherence: Coherence::Unknown,
             tasks,
             seed,
-            part: 0,
+            wave: 0,
             source: Some(source),
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
@@ -289,7 +284,7 @@ impl Outcome {
     }
 }
 
-fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
+fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) -> io::Result<()> {
     let percent = |[trials, hold]: [u64; 2]| 100.0 * hold as f64 / trials as f64;
     let differs: Vec<bool> = stream.tasks.iter().map(|task| stream.differs(task, case.walk)).collect();
     let sum = |wanted: &dyn Fn(usize) -> bool| {
@@ -305,7 +300,8 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
     let mean = |part: usize| outcome.errors.iter().map(|e| e[part]).sum::<f64>() / outcome.errors.len().max(1) as f64;
     // Of each task in each trial, certain ones included.
     let runs = (outcome.trials.iter().map(|[trials, _]| *trials).max().unwrap_or(0)).max(1);
-    println!(
+    writeln!(
+        Stdout,
         "| {scene} | {} | {} | {:.1} | {} | {:.1} | {:.1} | {poor} of {tasks} | {:.1} | {:.2} | {:.1} | {:.2} |",
         stream.kind,
         case.name,
@@ -317,7 +313,7 @@ fn print(scene: &str, stream: &Stream, case: &Case, mut outcome: Outcome) {
         100.0 * mean(0),
         100.0 * mean(1),
         1e3 * median(&outcome.host_s)
-    );
+    )
 }
 
 /// Processor seconds of this thread.

@@ -4,7 +4,7 @@ use crate::contenders::{self, Contender, Estimate};
 use crate::subject::Subject;
 use anyhow::{Context, Result};
 use rt_balance::catalogue::Estimator;
-use rt_balance::replay::{Observed, Queue, Replay};
+use rt_balance::replay::{Observed, Replay};
 use rt_balance::stats::Summary;
 use rt_balance::{Scheduling, Stream};
 use serde::Serialize;
@@ -154,19 +154,18 @@ impl Plan<'_> {
         let replay = Replay { speeds: &speeds, task_s, launch_s: seen.launch_s };
         let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
         Ok(CONFIGS.map(|config| {
-            let policy = config.policy();
-            let queue = Queue::new(&config.queue, policy.as_deref());
+            let scheduling = self.scheduling(&config);
             if config.estimate == Estimate::Asked {
-                replay.cost_initialised(queue, &seen)
+                replay.cost_initialised(&scheduling, &seen)
             } else {
-                (replay.regular(queue, &rays), 0.0)
+                (replay.regular(&scheduling, &rays), 0.0)
             }
         }))
     }
 
     fn scheduling(&self, config: &Contender) -> Scheduling {
         // The question is what an estimate gives, not whether it pays.
-        Scheduling { blind_excess: Some(1.0), ..config.scheduling(self.estimate) }
+        Scheduling { uninformed_excess: Some(1.0), ..config.scheduling(self.estimate) }
     }
 }
 

@@ -5,16 +5,16 @@ mod write;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use measure::{Devices, Panel};
 use rt_balance::catalogue::Estimator;
 use rt_balance::cpu::CpuDevice;
 use rt_core::Device;
+use rt_report::Provenance;
 use rt_report::output::Outputs;
 use rt_report::usage::usage;
-use rt_report::{Machine, command_line};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -36,14 +36,11 @@ const QUICK_REPEAT: u32 = 3;
 struct Results {
     /// Layout of the file; changes when a field changes its meaning or goes away.
     schema: u32,
-    command: String,
-    machine: Machine,
+    provenance: Provenance,
     /// `real`, or `replay` on virtual devices.
     mode: &'static str,
     /// Number of devices that the times are for.
     devices: usize,
-    /// The real devices' names.
-    measured_on: Vec<String>,
     /// Why a replay was chosen, where it was not asked for.
     note: Option<String>,
     estimator: &'static str,
@@ -51,7 +48,6 @@ struct Results {
     fraction: Option<f64>,
     size: [u32; 2],
     repetitions: u32,
-    seed: u32,
     panels: Vec<Panel>,
 }
 
@@ -74,8 +70,8 @@ pub struct Options {
     pub fraction: Option<f64>,
     /// Devices to trace on, or the one to measure for a replay; `None`: three cores.
     pub devices: Option<String>,
-    /// Number of equal virtual devices that are played from task times measured on one; `None`: none, where the machine has
-    /// as many cores as the devices want.
+    /// Number of equal virtual devices that are played from task times measured on one; `None`: none, where the machine
+    /// has as many cores as the devices want.
     pub replay: Option<u32>,
     /// Rays of a task, increasing.
     pub task_sizes: Vec<u32>,
@@ -97,9 +93,11 @@ pub struct Options {
 /// When a scene cannot be prepared, a device not be opened or fails, or a file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     if !options.task_sizes.is_sorted_by(|a, b| a < b) {
-        return Err(usage("--task-sizes must increase, such as 64,256,1024"));
+        return Err(usage("--task-sizes must increase, such as 64,256,1024").into());
     }
-    Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes).check()?;
+    let outputs = Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes);
+    outputs.check()?;
+    let lab = lab.writing(&outputs);
     let setting = setting(options)?;
     if let Some(note) = &setting.note {
         lab.show.note(note);
@@ -107,18 +105,15 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     let size = options.size.unwrap_or(if options.quick { QUICK_SIZE } else { SIZE });
     let repetitions = options.repeat.unwrap_or(if options.quick { QUICK_REPEAT } else { REPEAT });
     let mut results = Results {
-        schema: 1,
-        command: command_line(),
-        machine: Machine::this(),
+        schema: 2,
+        provenance: Provenance::now(options.seed, Vec::<String>::new()),
         mode: if setting.replay.is_some() { "replay" } else { "real" },
         devices: setting.replay.unwrap_or(setting.devices.len()),
-        measured_on: Vec::new(),
         note: setting.note,
         estimator: options.estimator.make().name(),
         fraction: options.fraction,
         size,
         repetitions,
-        seed: options.seed,
         panels: Vec::new(),
     };
     let where_to = match setting.replay {
@@ -126,11 +121,11 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
         None => Devices::Real,
     };
     let steps = options.scenes.len() * 2 * options.task_sizes.len();
-    let stretch = Stretch::whole(lab.show, None).with_steps(steps, repetitions + 1);
-    stretch.label("measuring");
+    let time = TimeBudget::whole(lab.show, None).with_steps(steps, repetitions + 1);
+    time.label("measuring");
     for scene in &options.scenes {
         let mut subject = Subject::open(lab, scene, &setting.devices)?;
-        results.measured_on = subject.devices();
+        results.provenance.devices = subject.devices();
         for stream in subject.streams(size, options.seed)? {
             if stream.source.is_empty() {
                 lab.show.note(&format!("no {} rays in {}: nothing was hit", stream.kind, scene.display()));
@@ -143,11 +138,11 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
                 repetitions,
                 seed: options.seed,
             };
-            let panel = plan.measure(&mut subject, &stream, &|| stretch.step());
+            let panel = plan.measure(&mut subject, &stream, &|| time.step());
             results.panels.push(panel.with_context(|| format!("{}, {} rays", scene.display(), stream.kind))?);
         }
     }
-    stretch.finish();
+    time.finish();
     write::all(lab, &options.out, &results)
 }
 
@@ -156,7 +151,7 @@ fn setting(options: &Options) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
         let devices = open(list.unwrap_or("cpu:1"))?;
         if devices.len() != 1 {
-            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1"));
+            return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1").into());
         }
         Ok(devices)
     };

@@ -16,9 +16,9 @@ pub(super) const FILES: [&str; 5] = ["figure1.svg", "figure1.png", "figure1.csv"
 
 pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
     let figure = figure(results);
-    figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure)?;
+    figure1::write(&out.join("figure1.svg"), &out.join("figure1.png"), &figure, &results.provenance)?;
     let csv = csv(results);
-    write_atomically(&out.join("figure1.csv"), |file| Ok(file.write_all(csv.as_bytes())?))?;
+    write_atomically(&out.join("figure1.csv"), |file| file.write_all(csv.as_bytes()))?;
     write_atomically(&out.join("figure1.json"), |file| Ok(serde_json::to_writer_pretty(file, results)?))?;
     page(results, &figure)?.write(&out.join("report.html"))?;
     let mut text = format!("{}\n", figure.title);
@@ -41,11 +41,11 @@ pub(super) fn figure(results: &Results) -> Figure {
         format!(
             "Replay: queues on a virtual clock, driven by task times measured on {} in a pass that nothing was fitted \
              to; not a run on {} devices.",
-            results.measured_on.join(", "),
+            results.provenance.devices.join(", "),
             results.devices
         )
     } else {
-        format!("Real runs on {}.", results.measured_on.join(", "))
+        format!("Real runs on {}.", results.provenance.devices.join(", "))
     }];
     notes.push(format!(
         "Estimator {}{fraction}, new in every run. Medians of {} interleaved rounds, whiskers: {:.0}% intervals \
@@ -53,10 +53,10 @@ pub(super) fn figure(results: &Results) -> Figure {
         results.estimator,
         results.repetitions,
         100.0 * confidence(results),
-        u64::from(results.seed) + 1,
-        u64::from(results.seed) + u64::from(results.repetitions),
+        seed(results) + 1,
+        seed(results) + u64::from(results.repetitions),
     ));
-    notes.push(results.machine.to_string());
+    notes.push(results.provenance.machine.to_string());
     let panels = results
         .panels
         .iter()
@@ -65,7 +65,7 @@ pub(super) fn figure(results: &Results) -> Figure {
 }
 
 fn page(results: &Results, figure: &Figure) -> Result<Page> {
-    let mut page = Page::new(&figure.title, &results.command, &results.machine, &seeds(results));
+    let mut page = Page::new(&figure.title, &results.provenance, &seeds(results));
     page.section("Figure");
     page.chart(
         &figure1::to_svg(figure)?,
@@ -92,9 +92,14 @@ fn page(results: &Results, figure: &Figure) -> Result<Page> {
     Ok(page)
 }
 
+/// The seed of pixels and bounces.
+fn seed(results: &Results) -> u64 {
+    results.provenance.seed.map_or(0, u64::from)
+}
+
 fn seeds(results: &Results) -> String {
-    let (first, last) = (u64::from(results.seed) + 1, u64::from(results.seed) + u64::from(results.repetitions));
-    format!("Seed {} of pixels and bounces, {first}–{last} of the samples of each round.", results.seed)
+    let (first, last) = (seed(results) + 1, seed(results) + u64::from(results.repetitions));
+    format!("Seed {} of pixels and bounces, {first}–{last} of the samples of each round.", seed(results))
 }
 
 /// How sure the whiskers are, from 0 to 1.
@@ -173,12 +178,10 @@ impl Panel {
 /// Every single time, one line each, under lines that say where it comes from.
 fn csv(results: &Results) -> String {
     let mut text = format!(
-        "# command: {}\n# machine: {}\n# {} on {} devices, measured on: {}\n# estimator {}{}\n",
-        results.command,
-        results.machine,
+        "{}# {} on {} devices\n# estimator {}{}\n",
+        results.provenance.csv(),
         results.mode,
         results.devices,
-        results.measured_on.join("; "),
         results.estimator,
         results.fraction.map_or_else(String::new, |fraction| format!(", fraction {fraction}"))
     );

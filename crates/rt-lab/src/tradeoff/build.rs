@@ -3,8 +3,9 @@
 use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::contenders::uninformed;
 use crate::subject::{Subject, trace};
+use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
 use rt_balance::stats::Summary;
 use rt_balance::{Balancer, QueueKind, Scheduling, Stream};
@@ -13,7 +14,6 @@ use rt_core::Hit;
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
 use rt_report::table::{Table, seconds};
-use rt_sched::estimate::Uniform;
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -52,11 +52,11 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     page.section("Build time against rays per second");
     let scenes = &setting.args.scenes;
     for (index, scene) in scenes.iter().enumerate() {
-        let measured = measure(setting, scene, &setting.stretch.equal_part(scenes.len(), index))?;
+        let measured = measure(setting, scene, &setting.time.equal_part(scenes.len(), index))?;
         let chart = chart(&measured);
         let Some(name) = measured.first().map(|row| row.scene.clone()) else { continue };
         let svg = front::to_svg(&chart)?;
-        setting.write(&format!("build-{}.svg", file_part(&name)), &svg)?;
+        setting.write_svg(&format!("build-{}.svg", file_part(&name)), &svg)?;
         page.chart(
             &svg,
             "Build time against million rays per second, one point for each builder",
@@ -66,13 +66,13 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     }
     let table = table(&rows);
     page.table("Builders: medians, intervals in brackets", &table);
-    setting.write("build.md", &table.to_markdown())?;
+    setting.write_markdown("build.md", &table.to_markdown())?;
     setting.write("build.csv", &csv(setting, &rows))?;
     setting.write_json("build.json", &rows)?;
-    Ok(setting.stretch.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
+    Ok(setting.time.print(&format!("\nbuild time against rays per second\n\n{table}"))?)
 }
 
-fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<Vec<Row>> {
+fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<Vec<Row>> {
     let mut subject = Subject::open(setting.lab, scene, setting.devices)?;
     let streams = subject.streams(setting.size, setting.args.seed)?;
     let model = subject.model();
@@ -81,8 +81,8 @@ fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result
     let mut balancers: Vec<Balancer> = Vec::new();
     let mut hits: Vec<Hit> = Vec::new();
     let builders = builders(setting.args.quick);
-    let stretch = stretch.clone().with_steps(builders.len(), setting.repeat + 1);
-    for round in stretch.rounds(setting.repeat) {
+    let time = time.clone().with_steps(builders.len(), setting.repeat + 1);
+    for round in time.rounds(setting.repeat) {
         for (index, &builder) in builders.iter().enumerate() {
             let begin = Instant::now();
             let options = BuildOptions { builder, ..subject.options().build() };
@@ -113,7 +113,7 @@ fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result
             if round > 0 {
                 rows[index].build_s.push(build_s);
             }
-            stretch.step();
+            time.step();
         }
     }
     for row in &mut rows {
@@ -128,8 +128,7 @@ fn speed(lab: Lab<'_>, balancer: &mut Balancer, stream: &Stream, hits: &mut Vec<
     if stream.source.is_empty() {
         return Ok(f64::NAN);
     }
-    let mut plain =
-        Scheduling { estimator: Box::new(Uniform), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
+    let mut plain = Scheduling { estimator: uninformed(), queue: Box::new(QueueKind::Static), ..Scheduling::default() };
     let run = trace(lab, balancer, stream, &mut plain, hits)?;
     Ok(f64::from(run.report.rays) / run.report.makespan_s / 1e6)
 }

@@ -9,15 +9,16 @@ mod streams;
 
 use crate::Lab;
 use crate::lab::open;
-use crate::stretch::Stretch;
 use crate::subject::Subject;
-use anyhow::{Result, anyhow};
+use crate::time_budget::TimeBudget;
+use anyhow::{Context, Result, anyhow};
 use rt_balance::Scheduling;
+use rt_balance::devices::Opener;
 use rt_core::Device;
 use rt_report::html::Page;
 use rt_report::output::Outputs;
 use rt_report::usage::usage;
-use rt_report::{Machine, command_line, table};
+use rt_report::{Provenance, table};
 use rt_scene::prepare::short_name;
 use setting::{Head, Setting, file_part};
 use std::path::{Path, PathBuf};
@@ -136,14 +137,15 @@ impl Chosen {
 pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()> {
     let (common, chosen) = (options, chosen.map(Chosen::name));
     let mut trades: Vec<&Trade> = TRADES.iter().filter(|trade| chosen.is_none_or(|name| name == trade.name)).collect();
-    check_outputs(&common.out, &trades, &common.scenes)?;
+    let outputs = outputs(&common.out, &trades, &common.scenes)?;
+    let lab = lab.writing(&outputs);
     let (cards, mut left_out) = match chosen {
         None | Some(LAYOUT) => layout::cards(common.devices.as_deref())?,
         _ => (Vec::new(), Vec::new()),
     };
     if cards.is_empty() && chosen == Some(LAYOUT) {
         let reasons = left_out.join("; ");
-        return Err(if common.devices.is_some() { usage(reasons) } else { anyhow!(reasons) });
+        return Err(if common.devices.is_some() { usage(reasons).into() } else { anyhow!(reasons) });
     }
     if cards.is_empty() {
         trades.retain(|trade| trade.name != LAYOUT);
@@ -154,28 +156,33 @@ pub fn run(lab: Lab<'_>, options: &Options, chosen: Option<Chosen>) -> Result<()
 
     let seeds =
         format!("Seed {} of pixels, bounces and samples; those of each round are in the JSON files.", common.seed);
-    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
+    let cards_too = layout::one_each(&cards);
+    let mut measured: Vec<&str> = devices.iter().chain(&cards_too).map(|device| device.info().name.as_str()).collect();
+    measured.dedup();
+    let mut page = Page::new(TITLE, &Provenance::now(common.seed, measured), &seeds);
     left_out.iter().for_each(|reason| page.paragraph(reason));
     let begin = Instant::now();
     let all = if common.quick { QUICK_ALL_TRADES } else { ALL_TRADES };
     let budget = common.budget.map(|seconds| Duration::from_secs(seconds.into()));
-    let stretch = Stretch::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
+    let time = TimeBudget::whole(lab.show, budget.or(chosen.is_none().then_some(all)));
     let weights: Vec<f64> = trades.iter().map(|trade| trade.weight).collect();
     for (index, trade) in trades.into_iter().enumerate() {
-        let stretch = stretch.part(&weights, index);
-        stretch.label(trade.name);
+        let time = time.part(&weights, index);
+        time.label(trade.name);
         let on = if trade.name == LAYOUT { &layout::one_each(&cards) } else { &devices };
-        let setting = setting(lab, common, trade, (on, &cards), stretch)?;
+        let setting = setting(lab, common, trade, (on, &cards), time)?;
         (trade.run)(&setting, &mut page)?;
     }
-    stretch.finish();
+    time.finish();
     finish(lab, &page, &common.out, begin)
 }
 
-/// Whether the files of all trades can be written.
-fn check_outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<()> {
+/// The files of all trades, which can be written.
+fn outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<Outputs> {
     let files = trades.iter().flat_map(|trade| trade.files(scenes)).chain([PAGE.to_owned()]);
-    Outputs::new().folder("--out", out, files).scenes(scenes).check()
+    let outputs = Outputs::new().folder("--out", out, files).scenes(scenes);
+    outputs.check()?;
+    Ok(outputs)
 }
 
 /// The device that is named, or the usual one.
@@ -186,7 +193,8 @@ fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
         (Some(device), true) => Ok(device),
         _ => Err(usage(format!(
             "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
-        ))),
+        ))
+        .into()),
     }
 }
 
@@ -196,10 +204,10 @@ fn setting<'a>(
     args: &'a Options,
     trade: &Trade,
     (devices, cards): (&'a [Arc<dyn Device>], &'a [layout::Card]),
-    stretch: Stretch<'a>,
+    time: TimeBudget<'a>,
 ) -> Result<Setting<'a>> {
     let most = if args.quick { QUICK_SIZE } else { SIZE };
-    let size = match (args.size, stretch.left()) {
+    let size = match (args.size, time.left()) {
         (Some(size), _) => size,
         (None, None) => most,
         (None, Some(left)) => {
@@ -207,17 +215,13 @@ fn setting<'a>(
             size_within(left, passes / rays_per_second(lab, args, devices)?, most)
         }
     };
-    let names: Vec<&str> = devices.iter().map(|device| device.info().name.as_str()).collect();
     let head = Head {
-        schema: 1,
-        command: command_line(),
-        machine: Machine::this(),
-        device: names.join(", "),
+        schema: 2,
+        provenance: Provenance::now(args.seed, devices.iter().map(|device| device.info().name.clone())),
         size,
-        seed: args.seed,
     };
     let repeat = args.repeat.unwrap_or(if args.quick { QUICK_REPEAT } else { REPEAT });
-    Ok(Setting { lab, args, devices, cards, size, repeat, stretch, head })
+    Ok(Setting { lab, args, devices, cards, size, repeat, time, head })
 }
 
 /// Rays that the devices trace in a second, together or in turn: of the first scene, primary and diffuse ones.
@@ -265,19 +269,23 @@ fn finish(lab: Lab<'_>, page: &Page, out: &Path, begin: Instant) -> Result<()> {
 pub fn run_precision(lab: Lab<'_>, own: &precision::Options) -> Result<()> {
     let begin = Instant::now();
     let trades: Vec<&Trade> = TRADES.iter().filter(|trade| trade.name == "precision").collect();
-    check_outputs(&own.out, &trades, &own.scenes)?;
+    let outputs = outputs(&own.out, &trades, &own.scenes)?;
+    let lab = lab.writing(&outputs);
     let seeds = format!("Seed {} of the rays.", own.seed);
-    let mut page = Page::new(TITLE, &command_line(), &Machine::this(), &seeds);
-    let stretch = Stretch::whole(lab.show, None);
-    precision::run(lab, own, &stretch, &mut page)?;
-    stretch.finish();
+    let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
+    let provenance = precision::provenance(own, &devices);
+    let mut page = Page::new(TITLE, &provenance, &seeds);
+    let time = TimeBudget::whole(lab.show, None);
+    precision::run(lab, own, &devices, &time, &mut page)?;
+    time.finish();
     finish(lab, &page, &own.out, begin)
 }
 
 /// The precision trade as one of all.
 fn precision_of_all(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let own = precision::Options { size: Some(setting.size), ..precision::Options::of(setting.args, DEVICE) };
-    precision::run(setting.lab, &own, &setting.stretch, page)
+    let devices = Opener::new().open_in_turn(&own.devices).context("--devices")?;
+    precision::run(setting.lab, &own, &devices, &setting.time, page)
 }
 
 #[cfg(test)]

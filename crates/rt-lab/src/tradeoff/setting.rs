@@ -3,10 +3,10 @@
 use super::Options;
 use super::layout::Card;
 use crate::Lab;
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use anyhow::Result;
 use rt_core::Device;
-use rt_report::Machine;
+use rt_report::Provenance;
 use rt_report::output::write_atomically;
 use serde::Serialize;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub(super) struct Setting<'a> {
     pub(super) size: [u32; 2],
     pub(super) repeat: u32,
     /// The trade's part of the time and of the bar.
-    pub(super) stretch: Stretch<'a>,
+    pub(super) time: TimeBudget<'a>,
     pub(super) head: Head,
 }
 
@@ -32,17 +32,24 @@ pub(super) struct Setting<'a> {
 pub(super) struct Head {
     /// Layout of the file; changes when a field changes its meaning or goes away.
     pub(super) schema: u32,
-    pub(super) command: String,
-    pub(super) machine: Machine,
-    pub(super) device: String,
+    pub(super) provenance: Provenance,
     pub(super) size: [u32; 2],
-    pub(super) seed: u32,
 }
 
 impl Setting<'_> {
     /// Writes a text file into the output folder.
     pub(super) fn write(&self, name: &str, text: &str) -> Result<()> {
-        write_atomically(&self.args.out.join(name), |out| Ok(out.write_all(text.as_bytes())?))
+        Ok(write_atomically(&self.args.out.join(name), |out| out.write_all(text.as_bytes()))?)
+    }
+
+    /// Writes a drawing into the output folder.
+    pub(super) fn write_svg(&self, name: &str, svg: &str) -> Result<()> {
+        self.write(name, &self.head.provenance.in_svg(svg))
+    }
+
+    /// Writes a text in Markdown, under where it comes from, into the output folder.
+    pub(super) fn write_markdown(&self, name: &str, text: &str) -> Result<()> {
+        self.write(name, &format!("{}\n{text}", self.head.provenance))
     }
 
     /// Writes a JSON file: the head, and what was measured.
@@ -54,13 +61,12 @@ impl Setting<'_> {
             results: &'a T,
         }
         let file = File { head: &self.head, results };
-        write_atomically(&self.args.out.join(name), |out| Ok(serde_json::to_writer_pretty(out, &file)?))
+        Ok(write_atomically(&self.args.out.join(name), |out| Ok(serde_json::to_writer_pretty(out, &file)?))?)
     }
 
     /// Lines that open a CSV file.
     pub(super) fn csv_head(&self) -> String {
-        let Head { command, machine, device, .. } = &self.head;
-        format!("# command: {command}\n# machine: {machine}\n# measured on: {device}\n")
+        self.head.provenance.csv()
     }
 }
 

@@ -18,8 +18,8 @@ const ROOM: f64 = 1.3;
 const MOST_TICKS: usize = 7;
 
 impl LogAxis {
-    /// An axis for some values, of which those that are not positive and finite are left out, drawn from pixel `from` to
-    /// pixel `to`.
+    /// An axis for some values, of which those that are not positive and finite are left out, drawn from pixel `from`
+    /// to pixel `to`.
     pub(super) fn over(values: impl Iterator<Item = f64>, from: f64, to: f64) -> Self {
         let (low, high) = values
             .filter(|v| *v > 0.0 && v.is_finite())

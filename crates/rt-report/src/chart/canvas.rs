@@ -1,8 +1,8 @@
 //! A bitmap to draw rectangles and text on.
 
+use crate::ReportError;
 use crate::image::write_rgb;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
-use anyhow::{Context, Result};
 use std::path::Path;
 
 /// 8-bit sRGB.
@@ -26,10 +26,9 @@ pub(super) struct Canvas {
 
 impl Canvas {
     /// An empty picture of one colour.
-    pub(super) fn new(width: u32, height: u32, color: Rgb) -> Result<Self> {
+    pub(super) fn new(width: u32, height: u32, color: Rgb) -> Result<Self, ReportError> {
         // Hack (MIT and Bitstream Vera licences), embedded so that a machine without fonts writes the same file.
-        let font =
-            FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR).context("the embedded font is broken")?;
+        let font = FontRef::try_from_slice(epaint_default_fonts::HACK_REGULAR).map_err(|_| ReportError::Font)?;
         Ok(Self { width, height, pixels: vec![color; width as usize * height as usize], font })
     }
 
@@ -150,7 +149,7 @@ impl Canvas {
     }
 
     /// Writes the picture.
-    pub(super) fn write_png(&self, path: &Path) -> Result<()> {
+    pub(super) fn write_png(&self, path: &Path) -> Result<(), ReportError> {
         write_rgb(path, self.width, self.height, self.pixels.as_flattened())
     }
 }

@@ -2,14 +2,14 @@
 
 use super::canvas::{Align, Canvas, Rgb};
 use super::scale::{significant, tick_label, ticks};
-use anyhow::{Result, ensure};
+use crate::ReportError;
 use rt_core::Task;
 use std::path::Path;
 
 /// Estimated and measured cost of a picture's primary rays, gathered wave by wave.
 ///
-/// Held at the resolution in which it is shown, so that a wave of a huge picture takes time for its own pixels alone and the
-/// map no more memory than a screen.
+/// Held at the resolution in which it is shown, so that a wave of a huge picture takes time for its own pixels alone
+/// and the map no more memory than a screen.
 #[derive(Debug)]
 pub struct CostMap {
     /// Width and height of the picture in pixels.
@@ -25,7 +25,8 @@ pub struct CostMap {
     measured: Vec<(f32, u32)>,
 }
 
-/// A part of the map: sums over those of its pixels whose cost is known, in nanoseconds per ray, and a task it belongs to.
+/// A part of the map: sums over those of its pixels whose cost is known, in nanoseconds per ray, and a task it belongs
+/// to.
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     estimated: Mean,
@@ -109,8 +110,8 @@ impl CostMap {
 
     /// Adds the tasks of a wave: what each was estimated to take and took, in seconds; NaN where that is not known.
     ///
-    /// Ray `i` of the wave belongs to `pixels[i / samples]`, as in [`rt_core::CameraRays`]: `x | y << 16`. Pixels outside the
-    /// picture are left out. Tasks are numbered on from those of the waves before.
+    /// Ray `i` of the wave belongs to `pixels[i / samples]`, as in [`rt_core::CameraRays`]: `x | y << 16`. Pixels
+    /// outside the picture are left out. Tasks are numbered on from those of the waves before.
     pub fn add_wave(&mut self, pixels: &[u32], tasks: &[Task], estimated_s: &[f64], measured_s: &[f64]) {
         let per_ray = |task: &Task, seconds: f64| (seconds * 1e9 / f64::from(task.rays.max(1))) as f32;
         for ((task, &estimated), &measured) in tasks.iter().zip(estimated_s).zip(measured_s) {
@@ -152,12 +153,15 @@ impl CostMap {
         self.cells.iter().map(|cell| cell.task)
     }
 
-    /// Writes the picture: two panels, one scale. The outlines of tasks are drawn where those are large enough to be seen.
+    /// Writes the picture: two panels, one scale. The outlines of tasks are drawn where those are large enough to be
+    /// seen.
     ///
     /// # Errors
     /// When the picture is empty or the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> Result<()> {
-        ensure!(!self.cells.is_empty(), "a cost map of no pixels has nothing to show");
+    pub fn write_png(&self, path: &Path) -> Result<(), ReportError> {
+        if self.cells.is_empty() {
+            return Err(ReportError::Nothing("a cost map of no pixels"));
+        }
         let enlarged = SMALLEST_PANEL.div_ceil(self.size[0].max(self.size[1])).max(1);
         let [width, height] = self.size.map(|side| side * enlarged);
         let mut scale = Scale::of(&[&self.estimated, &self.measured]);

@@ -1,15 +1,16 @@
 //! The paper's Figure 1: tracing time against task size, cost-initialised queues over regular ones.
 //!
-//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013), whose
-//! figure draws coloured bars over background bars without saying which is which in so many words. Here the background
-//! is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen whichever is
-//! longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn twice.
+//! After M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray Tracing on Multi-GPU Systems* (2013),
+//! whose figure draws coloured bars over background bars without saying which is which in so many words. Here the
+//! background is always the regular queue and the colour the cost-initialised one, narrower, so that both are seen
+//! whichever is longer; the estimation stands on top of the tracing it initialises. The regular static queue is drawn
+//! twice.
 
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
 use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
 use crate::output::write_atomically;
-use anyhow::{Result, ensure};
+use crate::{Provenance, ReportError};
 use std::path::Path;
 
 /// Everything the figure shows.
@@ -83,10 +84,10 @@ const FRONT: f64 = 0.5;
 ///
 /// # Errors
 /// When there is nothing to draw or a file cannot be written.
-pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
+pub fn write(svg: &Path, png: &Path, figure: &Figure, provenance: &Provenance) -> Result<(), ReportError> {
     let sheet = draw(figure)?;
-    let text = sheet.to_svg();
-    write_atomically(svg, |out| Ok(out.write_all(text.as_bytes())?))?;
+    let text = provenance.in_svg(&sheet.to_svg());
+    write_atomically(svg, |out| out.write_all(text.as_bytes()))?;
     sheet.write_png(png)
 }
 
@@ -94,12 +95,14 @@ pub fn write(svg: &Path, png: &Path, figure: &Figure) -> Result<()> {
 ///
 /// # Errors
 /// When there is nothing to draw.
-pub fn to_svg(figure: &Figure) -> Result<String> {
+pub fn to_svg(figure: &Figure) -> Result<String, ReportError> {
     Ok(draw(figure)?.to_svg())
 }
 
-fn draw(figure: &Figure) -> Result<Sheet> {
-    ensure!(!figure.panels.is_empty(), "a figure without panels has nothing to show");
+fn draw(figure: &Figure) -> Result<Sheet, ReportError> {
+    if figure.panels.is_empty() {
+        return Err(ReportError::Nothing("a figure without panels"));
+    }
     let rows = figure.panels.len().div_ceil(2);
     let top = 52.0 + NOTE * figure.notes.len() as f64 + 2.0 * LEGEND + 14.0;
     let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL + 8.0);

@@ -5,7 +5,7 @@ use super::canvas::Rgb;
 use super::sheet::{
     Align, BLUE, FAINT, GREEN, INK, Look, ORANGE, PALE, PURPLE, Place, SKY, Sheet, VERMILION, YELLOW, text_room,
 };
-use anyhow::{Result, ensure};
+use crate::ReportError;
 
 /// Everything a chart shows.
 #[derive(Clone, Debug)]
@@ -65,8 +65,10 @@ const APART: f64 = 14.0;
 ///
 /// # Errors
 /// When there is no panel.
-pub fn to_svg(chart: &Chart) -> Result<String> {
-    ensure!(!chart.panels.is_empty(), "a chart without panels has nothing to show");
+pub fn to_svg(chart: &Chart) -> Result<String, ReportError> {
+    if chart.panels.is_empty() {
+        return Err(ReportError::Nothing("a chart without panels"));
+    }
     let names = names(chart);
     let places = legend_places(&names);
     let legend_rows = places.last().map_or(0.0, |place| place.1 + 1.0);

@@ -3,7 +3,7 @@
 use super::axes::{LogAxis, frame, place};
 use super::scale::{significant, time_unit};
 use super::sheet::{BLUE, FAINT, Look, Sheet, VERMILION};
-use anyhow::{Result, ensure};
+use crate::ReportError;
 use rt_sched::metrics::EstimateErrors;
 
 /// The tasks of one kind of rays.
@@ -33,8 +33,10 @@ const COLUMNS: usize = 3;
 ///
 /// # Errors
 /// When there is no panel.
-pub fn to_svg(panels: &[Panel]) -> Result<String> {
-    ensure!(!panels.is_empty(), "a scatter plot without panels has nothing to show");
+pub fn to_svg(panels: &[Panel]) -> Result<String, ReportError> {
+    if panels.is_empty() {
+        return Err(ReportError::Nothing("a scatter plot without panels"));
+    }
     let rows = panels.len().div_ceil(COLUMNS);
     let mut sheet = Sheet::new(WIDTH, MARGIN / 2.0 + rows as f64 * PANEL);
     let width = (WIDTH - 2.0 * MARGIN - (COLUMNS - 1) as f64 * GUTTER) / COLUMNS as f64;

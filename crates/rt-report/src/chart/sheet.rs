@@ -5,7 +5,7 @@
 pub(super) use super::canvas::Align;
 use super::canvas::{Canvas, Rgb};
 use super::svg::Svg;
-use anyhow::Result;
+use crate::ReportError;
 use std::path::Path;
 
 // M. Okabe and K. Ito, Color Universal Design (2008): told apart with any colour vision.
@@ -114,7 +114,7 @@ impl Sheet {
     }
 
     /// Writes the drawing as a PNG.
-    pub(super) fn write_png(&self, path: &Path) -> Result<()> {
+    pub(super) fn write_png(&self, path: &Path) -> Result<(), ReportError> {
         let [width, height] = [self.width, self.height].map(|side| (side * PNG_SCALE).ceil() as u32);
         let mut canvas = Canvas::new(width, height, PAPER)?;
         self.shapes.iter().for_each(|shape| shape.to_canvas(&mut canvas));

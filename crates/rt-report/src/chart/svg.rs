@@ -73,7 +73,8 @@ impl Svg {
     }
 }
 
-/// Hundredths of a pixel, without zeros that say nothing; 0 for what is not finite, which would make the document invalid.
+/// Hundredths of a pixel, without zeros that say nothing; 0 for what is not finite, which would make the document
+/// invalid.
 fn number(value: f64) -> String {
     let rounded = if value.is_finite() { (value * 100.0).round() / 100.0 } else { 0.0 };
     // Not −0.

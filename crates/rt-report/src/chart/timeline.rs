@@ -6,7 +6,7 @@ use super::scale::{duration, grouped, significant, tick_label, ticks, time_unit}
 use super::sheet::{Align, BLUE, FAINT, Look, ORANGE, PALE, SKY, Sheet, VERMILION};
 use crate::output::write_atomically;
 use crate::table::longest;
-use anyhow::Result;
+use crate::{Provenance, ReportError};
 use rt_balance::report::{ActivityKind, StreamRun};
 use std::path::Path;
 
@@ -41,9 +41,9 @@ const IDLE: Rgb = PALE;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_svg(path: &Path, runs: &[StreamRun]) -> Result<()> {
-    let svg = draw(runs);
-    write_atomically(path, |out| Ok(out.write_all(svg.as_bytes())?))
+pub fn write_svg(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
+    let svg = provenance.in_svg(&draw(runs));
+    write_atomically(path, |out| out.write_all(svg.as_bytes()))
 }
 
 /// The chart of a run as an SVG document.

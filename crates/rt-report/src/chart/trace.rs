@@ -5,7 +5,7 @@
 
 use super::bars;
 use crate::output::write_atomically;
-use anyhow::Result;
+use crate::{Provenance, ReportError};
 use rt_balance::report::{ActivityKind, StreamRun};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -17,14 +17,16 @@ const NODE: u32 = 0;
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_json(path: &Path, runs: &[StreamRun]) -> Result<()> {
+pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
     write_atomically(path, |out| {
-        write!(out, "{{\"displayTimeUnit\":\"ms\",\"traceEvents\":[")?;
+        // What the format does not know viewers keep as it is.
+        let provenance = serde_json::to_string(provenance)?;
+        write!(out, "{{\"displayTimeUnit\":\"ms\",\"otherData\":{{\"provenance\":{provenance}}},\"traceEvents\":[")?;
         for (index, event) in events(runs).enumerate() {
             out.write_all(if index == 0 { b"\n" } else { b",\n" })?;
             serde_json::to_writer(&mut *out, &event)?;
         }
-        Ok(out.write_all(b"\n]}\n")?)
+        out.write_all(b"\n]}\n")
     })
 }
 
@@ -92,8 +94,10 @@ mod tests {
     fn every_activity_is_an_event_in_microseconds() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("trace.json");
-        write_json(&path, &[run(2, vec![launch(1, 0.5, 2.0), launch(0, 0.0, 1.0)])]).unwrap();
+        let provenance = Provenance::now(1, ["cpu:1"]);
+        write_json(&path, &[run(2, vec![launch(1, 0.5, 2.0), launch(0, 0.0, 1.0)])], &provenance).unwrap();
         let trace: Value = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        assert_eq!(trace["otherData"]["provenance"]["commit"], provenance.commit);
         let events = trace["traceEvents"].as_array().unwrap();
         let launches: Vec<&Value> = events.iter().filter(|event| event["cat"] == "launch").collect();
         assert_eq!(launches.len(), 2);
@@ -109,7 +113,7 @@ mod tests {
     fn no_run_is_an_empty_trace() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("trace.json");
-        write_json(&path, &[]).unwrap();
+        write_json(&path, &[], &Provenance::now(None, ["cpu:1"])).unwrap();
         assert!(serde_json::from_slice::<Value>(&std::fs::read(&path).unwrap()).is_ok());
     }
 }

@@ -24,6 +24,11 @@ pub(super) struct Costs<'a> {
 }
 
 impl Costs<'_> {
+    /// How many there are.
+    pub(super) fn tasks(&self) -> usize {
+        self.runs.iter().map(|run| run.tasks.len()).sum()
+    }
+
     /// Adds the maps to a page.
     pub(super) fn add_to(&self, page: &mut Page) {
         let [width, height] = self.map.size();

@@ -6,10 +6,10 @@
 mod cost_map;
 pub mod render;
 
-use crate::Machine;
+use crate::image::{self, Preview};
 use crate::output::write_atomically;
 use crate::table::Table;
-use anyhow::Result;
+use crate::{Provenance, ReportError};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -17,12 +17,18 @@ const TEMPLATE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const SCRIPT: &str = include_str!("page.js");
 
+/// Most pixels of a picture that a page embeds as they are. So a page stays below [`LARGEST`] bytes, whatever is
+/// rendered.
+pub const MOST_PIXELS: u32 = 1 << 20;
+
+/// Most bytes of a page: a picture that does not compress takes 4 MB of base 64, the cost of each task as much.
+pub const LARGEST: usize = 10 << 20;
+
 /// A page in the making.
 #[derive(Debug)]
 pub struct Page {
     title: String,
-    command: String,
-    machine: String,
+    provenance: Provenance,
     seeds: String,
     /// Identifier and heading of each section.
     sections: Vec<(String, String)>,
@@ -32,11 +38,10 @@ pub struct Page {
 impl Page {
     /// An empty page; `seeds` says in a sentence what random numbers were used.
     #[must_use]
-    pub fn new(title: &str, command: &str, machine: &Machine, seeds: &str) -> Self {
+    pub fn new(title: &str, provenance: &Provenance, seeds: &str) -> Self {
         Self {
             title: title.to_owned(),
-            command: command.to_owned(),
-            machine: machine.to_string(),
+            provenance: provenance.clone(),
             seeds: seeds.to_owned(),
             sections: Vec::new(),
             body: String::new(),
@@ -68,14 +73,25 @@ impl Page {
         );
     }
 
-    /// Adds a picture from the bytes of a PNG file.
-    pub fn picture(&mut self, png: &[u8], alt: &str) {
-        let _ = writeln!(
-            self.body,
-            "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\"></figure>",
-            escaped(alt),
-            base64(png)
-        );
+    /// Adds a picture from its file, which lies beside the page: all of it, or scaled down where it has more than
+    /// [`MOST_PIXELS`].
+    ///
+    /// # Errors
+    /// When the file cannot be read.
+    pub fn picture(&mut self, file: &Path, alt: &str) -> Result<(), ReportError> {
+        let Preview { png, one_in } = image::preview(file, MOST_PIXELS)?;
+        let _ =
+            write!(self.body, "<figure><img alt=\"{}\" src=\"data:image/png;base64,{}\">", escaped(alt), base64(&png));
+        if one_in > 1 {
+            let name = escaped(&file.file_name().unwrap_or_default().to_string_lossy());
+            let _ = write!(
+                self.body,
+                "<figcaption>Scaled to 1/{one_in}, to keep this page small. All pixels: \
+                 <a href=\"{name}\">{name}</a></figcaption>"
+            );
+        }
+        let _ = writeln!(self.body, "</figure>");
+        Ok(())
     }
 
     /// Adds a table.
@@ -116,8 +132,11 @@ impl Page {
         let link = |(id, heading): &(String, String)| format!("<a href=\"#{id}\">{}</a> ", escaped(heading));
         let value = |name: &str| match name {
             "TITLE" => escaped(&self.title),
-            "COMMAND" => escaped(&self.command),
-            "MACHINE" => escaped(&self.machine),
+            "COMMAND" => escaped(&self.provenance.command),
+            "COMMIT" => escaped(self.provenance.commit),
+            "DATE" => escaped(&self.provenance.date),
+            "MACHINE" => escaped(&self.provenance.machine.to_string()),
+            "DEVICES" => escaped(&self.provenance.devices.join("; ")),
             "SEEDS" => escaped(&self.seeds),
             "NAVIGATION" => self.sections.iter().map(link).collect(),
             "STYLE" => STYLE.to_owned(),
@@ -140,9 +159,9 @@ impl Page {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let html = self.to_html();
-        write_atomically(path, |out| Ok(out.write_all(html.as_bytes())?))
+        write_atomically(path, |out| out.write_all(html.as_bytes()))
     }
 }
 
@@ -182,7 +201,7 @@ mod tests {
     use super::*;
 
     fn page(title: &str) -> Page {
-        Page::new(title, "raybalance 'a b'", &Machine::this(), "Seed 1.")
+        Page::new(title, &Provenance::now(1, ["a <device>"]), "Seed 1.")
     }
 
     /// The examples of RFC 4648, section 10.
@@ -219,6 +238,8 @@ mod tests {
         assert!(!html.contains("{{") && !html.contains("http:") && !html.contains("https:"));
         assert!(html.contains("<svg role=\"img\" aria-label=\"a &quot;chart&quot;\" xmlns"));
         assert!(html.contains("<td class=\"words\">a</td><td>1</td>"));
+        let Provenance { commit, date, .. } = &page.provenance;
+        assert!(html.contains(&format!("commit {commit}, <time>{date}</time>")) && html.contains("a &lt;device&gt;"));
     }
 
     /// A chart's grey that the style does not know would be unreadable in the dark.

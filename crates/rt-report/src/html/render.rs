@@ -2,14 +2,17 @@
 
 use super::Page;
 use super::cost_map::Costs;
+use crate::ReportError;
 use crate::chart::cost::CostMap;
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
-use crate::{Machine, command_line, table};
-use anyhow::{Context, Result};
+use crate::table;
 use rt_balance::report::StreamRun;
 use rt_core::StreamKind;
 use std::path::Path;
+
+/// Most tasks whose numbers a page holds, 64 bytes each.
+const MOST_TASKS: usize = 1 << 16;
 
 /// What the page shows.
 #[derive(Debug)]
@@ -24,8 +27,6 @@ pub struct Rendered<'a> {
     pub size: [u32; 2],
     /// Rays per pixel.
     pub samples: u32,
-    /// Seed of samples, pixels and bounces.
-    pub seed: u32,
     /// The picture's file: the first frame's.
     pub picture: &'a Path,
     /// Predicted seconds of a run's tasks, on the scale of the measured ones.
@@ -37,18 +38,18 @@ impl Rendered<'_> {
     ///
     /// # Errors
     /// When the picture cannot be read or the page not be written.
-    pub fn write(&self, path: &Path) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let scene = &self.report.scene;
-        let seeds = format!("Seed {} of samples, pixels and bounces.", self.seed);
+        let seed = self.report.provenance.seed.unwrap_or_default();
+        let seeds = format!("Seed {seed} of samples, pixels and bounces.");
         let title = format!("raybalance: {}", scene.source);
-        let mut page = Page::new(&title, &command_line(), &Machine::this(), &seeds);
+        let mut page = Page::new(&title, &self.report.provenance, &seeds);
         page.section("Picture");
-        let png = std::fs::read(self.picture).with_context(|| format!("cannot read `{}`", self.picture.display()))?;
         let [width, height] = self.size;
         page.picture(
-            &png,
+            self.picture,
             &format!("{} rendered with {} rays per pixel, {width} × {height} pixels", scene.source, self.samples),
-        );
+        )?;
 
         page.section("Cost of each task");
         page.paragraph(
@@ -56,7 +57,19 @@ impl Rendered<'_> {
              measured total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to \
              task.",
         );
-        self.costs().add_to(&mut page);
+        if let Some(kinds) = self.blind() {
+            page.paragraph(&format!(
+                "No estimate was made of {kinds} rays: it would have cost more than the expected gain. Where estimates \
+                 are shown here, every ray counts the same."
+            ));
+        }
+        match self.costs() {
+            costs if costs.tasks() <= MOST_TASKS => costs.add_to(&mut page),
+            costs => page.paragraph(&format!(
+                "{} tasks are more than fit this page: cost.png shows them.",
+                table::grouped(costs.tasks() as u64)
+            )),
+        }
 
         page.section("Estimate against measurement");
         page.chart(
@@ -98,6 +111,18 @@ impl Rendered<'_> {
         }
         let policy = report.policy.map_or_else(String::new, |policy| format!(", policy {policy}"));
         page.paragraph(&format!("Queue {}{policy}. All numbers: report.json.", report.queue));
+    }
+
+    /// The kinds of rays of which nothing was known before, though the estimator could have known more.
+    fn blind(&self) -> Option<String> {
+        let is_blind = |run: &&StreamRun| {
+            let estimate = &run.report.estimate;
+            estimate.chosen == "uniform" && estimate.estimator != estimate.chosen
+        };
+        let mut kinds: Vec<&str> = self.runs.iter().filter(is_blind).map(|run| &*run.report.kind).collect();
+        kinds.sort_unstable();
+        kinds.dedup();
+        (!kinds.is_empty()).then(|| kinds.join(", "))
     }
 
     /// The first frame's primary rays.

@@ -1,13 +1,13 @@
 //! Outputs looked at before any work is done for them.
 
 use super::partial::{self, Partial};
-use super::place::{Place, parent, real_folder};
-use crate::usage::OrUsage;
-use anyhow::{Context, Result, bail, ensure};
+use super::place::{Place, parent, real_folder, refused};
+use crate::usage::{Usage, usage};
 use rt_scene::{scenes, view};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ffi::OsStr;
 use std::fs::{self, File, Metadata};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// What a command is going to write, and what it reads and must not overwrite.
@@ -72,20 +72,29 @@ impl Outputs {
         })
     }
 
-    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what killed
-    /// processes left of the same files.
+    /// Whether nothing is written over material files, which are known once a scene is read.
+    ///
+    /// # Errors
+    /// Of wrong usage; the message names the option and the file.
+    pub fn spare_materials<P: AsRef<Path>>(&self, files: impl IntoIterator<Item = P>) -> Result<(), Usage> {
+        let Self { files: outputs, folders, .. } = self.clone();
+        let only = Self { files: outputs, folders, inputs: Vec::new() };
+        let inputs = files.into_iter().fold(only, |outputs, file| outputs.input("the materials", file.as_ref()));
+        if inputs.inputs.is_empty() { Ok(()) } else { inputs.check() }
+    }
+
+    /// Whether everything can be written, no file twice, and none that is read. Leaves the disk as it is, but for what
+    /// killed processes left of the same files.
     ///
     /// # Errors
     /// Of wrong usage, when something cannot be written; the message names the option, the path and the reason.
-    pub fn check(&self) -> Result<()> {
-        self.look().or_usage()
-    }
-
-    fn look(&self) -> Result<()> {
+    pub fn check(&self) -> Result<(), Usage> {
         for Wanted { option, path } in &self.folders {
-            let exists = path.exists();
-            ensure!(!exists || path.is_dir(), "{option}: `{}` is not a folder", path.display());
-            real_folder(path).with_context(|| format!("{option}: cannot make the folder `{}`", path.display()))?;
+            let folder = path.display();
+            if path.exists() && !path.is_dir() {
+                return Err(usage(format!("{option}: `{folder}` is not a folder")));
+            }
+            real_folder(path).map_err(|why| usage(format!("{option}: cannot make the folder `{folder}`: {why}")))?;
         }
         let inputs: HashMap<Identity, &Wanted> =
             self.inputs.iter().filter_map(|input| Some((Identity::of(&input.path)?, input))).collect();
@@ -93,25 +102,24 @@ impl Outputs {
         let mut in_folders: BTreeMap<PathBuf, Vec<(PathBuf, &Wanted)>> = BTreeMap::new();
         for wanted in &self.files {
             let Wanted { option, path } = wanted;
-            let failed = || format!("{option}: cannot write `{}`", path.display());
-            let place = Place::of(path).with_context(failed)?;
+            let place = Place::of(path).map_err(|why| wanted.cannot_be_written(&why))?;
             if let Some(identity) = place.identity() {
                 if let Some(input) = inputs.get(&identity) {
-                    bail!("{option} would overwrite {}, `{}`", input.option, path.display());
+                    return Err(usage(format!("{option} would overwrite {}, `{}`", input.option, path.display())));
                 }
                 if !matches!(place, Place::Descriptor(_))
                     && let Some((name, device)) = redirected(&identity)
                 {
-                    bail!(
+                    return Err(usage(format!(
                         "{option} names the file that {name} goes to, `{}`: name another one, or {device}",
                         path.display()
-                    );
+                    )));
                 }
                 if let Some(other) = outputs.insert(identity, wanted) {
-                    bail!("{}", other.same_file_as(wanted));
+                    return Err(usage(other.same_file_as(wanted)));
                 }
             }
-            place.check().with_context(failed)?;
+            place.check().map_err(|why| wanted.cannot_be_written(&why))?;
             if let Place::File { path: real, .. } = place {
                 in_folders.entry(parent(&real).to_owned()).or_default().push((real, wanted));
             }
@@ -119,8 +127,8 @@ impl Outputs {
         for files in in_folders.values() {
             // One file tells for all in its folder, but for the length of its name.
             let longest = files.iter().max_by_key(|(real, _)| real.as_os_str().len());
-            if let Some((real, Wanted { option, path })) = longest {
-                try_to_make(real).with_context(|| format!("{option}: cannot write `{}`", path.display()))?;
+            if let Some((real, wanted)) = longest {
+                try_to_make(real).map_err(|why| wanted.cannot_be_written(&why))?;
             }
         }
         for (folder, files) in &in_folders {
@@ -135,6 +143,10 @@ impl Outputs {
 impl Wanted {
     fn new(option: &str, path: &Path) -> Self {
         Self { option: option.to_owned(), path: path.to_owned() }
+    }
+
+    fn cannot_be_written(&self, why: &io::Error) -> Usage {
+        usage(format!("{}: cannot write `{}`: {why}", self.option, self.path.display()))
     }
 
     fn same_file_as(&self, other: &Self) -> String {
@@ -186,22 +198,21 @@ impl Place {
     }
 
     /// Whether it can be written, as far as can be told without writing; new files are tried elsewhere.
-    fn check(&self) -> Result<()> {
+    fn check(&self) -> io::Result<()> {
+        let invalid = |why: &str| Err(refused(io::ErrorKind::InvalidInput, why));
         match self {
-            Self::File { about: Some(about), .. } => ensure!(!about.permissions().readonly(), "it is read-only"),
-            Self::File { about: None, .. } => {}
-            Self::Descriptor(number @ 1..) => {
-                ensure!(Path::new(&format!("/dev/fd/{number}")).exists(), "nothing is open under that number");
+            Self::File { about: Some(about), .. } if about.permissions().readonly() => invalid("it is read-only"),
+            Self::File { .. } => Ok(()),
+            Self::Descriptor(0) => invalid("it is standard input"),
+            Self::Descriptor(number) if !Path::new(&format!("/dev/fd/{number}")).exists() => {
+                invalid("nothing is open under that number")
             }
-            Self::Descriptor(0) => bail!("it is standard input"),
-            Self::Stream(path, about) => match () {
-                // A pipe cannot be opened before somebody reads from it.
-                () if is_pipe(about) => {}
-                () if is_device(about) => drop(File::options().write(true).open(path)?),
-                () => bail!("it is neither a file, a pipe nor a device to write to"),
-            },
+            Self::Descriptor(_) => Ok(()),
+            // A pipe cannot be opened before somebody reads from it.
+            Self::Stream(_, about) if is_pipe(about) => Ok(()),
+            Self::Stream(path, about) if is_device(about) => File::options().write(true).open(path).map(drop),
+            Self::Stream(..) => invalid("it is neither a file, a pipe nor a device to write to"),
         }
-        Ok(())
     }
 }
 
@@ -238,7 +249,7 @@ fn redirected(_: &Identity) -> Option<(&'static str, &'static str)> {
 }
 
 /// Makes the file's folder and a new file in it, and removes both.
-fn try_to_make(target: &Path) -> Result<()> {
+fn try_to_make(target: &Path) -> io::Result<()> {
     let is_missing = |folder: &&Path| !folder.exists();
     // From the innermost to the outermost.
     let missing: Vec<&Path> = parent(target).ancestors().take_while(is_missing).collect();
@@ -255,7 +266,7 @@ mod tests {
     use std::os::unix::fs::{PermissionsExt, symlink};
 
     fn refusal(outputs: &Outputs) -> String {
-        format!("{:#}", outputs.check().expect_err("must be refused"))
+        outputs.check().expect_err("must be refused").to_string()
     }
 
     fn entries(folder: &Path) -> usize {

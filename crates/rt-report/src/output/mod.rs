@@ -7,12 +7,12 @@ mod place;
 pub use check::Outputs;
 pub use partial::abandon;
 
+use crate::ReportError;
 use crate::print::Stdout;
-use anyhow::{Context, Result, bail};
 use partial::Partial;
-use place::Place;
+use place::{Place, refused};
 use std::fs::{File, Metadata};
-use std::io::{BufWriter, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 /// Writes a file through a temporary one beside it, which takes the place of `path` only once it is complete.
@@ -24,24 +24,28 @@ use std::path::Path;
 ///
 /// # Errors
 /// When the folder or file cannot be made, or `write` fails; the message names the path.
-pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), ReportError> {
     let written = Place::of(path).and_then(|place| match place {
         Place::File { path, about } => replace(&path, about.as_ref(), write),
         Place::Descriptor(number) => write_descriptor(number, write),
         Place::Stream(path, _) => write_to(File::options().write(true).open(path)?, write),
     });
-    written.with_context(|| format!("cannot write `{}`", path.display()))
+    written.map_err(|source| ReportError::write(path, source))
 }
 
-fn replace(path: &Path, before: Option<&Metadata>, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+fn replace(
+    path: &Path,
+    before: Option<&Metadata>,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let partial = Partial::create(path)?;
     write_to(partial.file(), write)?;
-    Ok(partial.persist(path, before)?)
+    partial.persist(path, before)
 }
 
-fn write_descriptor(number: u32, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+fn write_descriptor(number: u32, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     match number {
-        0 => bail!("it is standard input"),
+        0 => Err(refused(io::ErrorKind::InvalidInput, "it is standard input")),
         // In order with whatever else is printed.
         1 => write_to(Stdout, write),
         2 => write_to(std::io::stderr(), write),
@@ -50,10 +54,10 @@ fn write_descriptor(number: u32, write: impl FnOnce(&mut dyn Write) -> Result<()
     }
 }
 
-fn write_to(out: impl Write, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
+fn write_to(out: impl Write, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let mut buffer = BufWriter::new(out);
     write(&mut buffer)?;
-    Ok(buffer.flush()?)
+    buffer.flush()
 }
 
 /// Whether both are of one file.
@@ -72,6 +76,7 @@ fn same_file(_: &Metadata, _: &Metadata) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::usage::chain;
     use std::ffi::OsString;
     use std::fs;
 
@@ -83,7 +88,7 @@ mod tests {
     fn a_new_file_comes_with_its_folder() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a/b/c.txt");
-        write_atomically(&path, |out| Ok(out.write_all(b"new")?)).unwrap();
+        write_atomically(&path, |out| out.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(names(path.parent().unwrap()), ["c.txt"]);
     }
@@ -96,9 +101,9 @@ mod tests {
         fs::write(&path, "old").unwrap();
         let error = write_atomically(&path, |out| {
             out.write_all(&[b'x'; 100_000])?;
-            bail!("the device is on fire")
+            Err(io::Error::other("the device is on fire"))
         });
-        let message = format!("{:#}", error.unwrap_err());
+        let message = chain(&error.unwrap_err());
         assert!(message.contains("c.txt") && message.contains("on fire"), "{message}");
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["c.txt"]);
@@ -108,7 +113,7 @@ mod tests {
     fn a_folder_is_refused_by_name() {
         let dir = tempfile::tempdir().unwrap();
         let error = write_atomically(dir.path(), |_| Ok(())).unwrap_err();
-        assert!(format!("{error:#}").contains("is a folder"), "{error:#}");
+        assert!(chain(&error).contains("is a folder"), "{error}");
     }
 
     #[cfg(unix)]
@@ -119,12 +124,12 @@ mod tests {
         let (file, link) = (dir.path().join("file"), dir.path().join("link"));
         fs::write(&file, "old").unwrap();
         std::os::unix::fs::symlink(&file, &link).unwrap();
-        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        write_atomically(&link, |out| out.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         // A link to what is not there yet says where it is to be.
         fs::remove_file(&file).unwrap();
-        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        write_atomically(&link, |out| out.write_all(b"new")).unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         // A temporary file's own permissions would be 0600, and nobody else could read the result.
@@ -134,10 +139,10 @@ mod tests {
         assert_eq!(mode(&file), mode(&plain));
         // What its owner hid or showed stays so.
         fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
-        write_atomically(&link, |out| Ok(out.write_all(b"new")?)).unwrap();
+        write_atomically(&link, |out| out.write_all(b"new")).unwrap();
         assert_eq!(mode(&file) & 0o777, 0o600);
 
-        write_atomically(Path::new("/dev/null"), |out| Ok(out.write_all(b"gone")?)).unwrap();
+        write_atomically(Path::new("/dev/null"), |out| out.write_all(b"gone")).unwrap();
         assert!(fs::metadata("/dev/null").unwrap().file_type().is_char_device());
     }
 
@@ -153,8 +158,8 @@ mod tests {
         let open = format!("/dev/fd/{}", log.as_raw_fd());
         let link = dir.path().join("link");
         std::os::unix::fs::symlink(&open, &link).unwrap();
-        write_atomically(Path::new(&open), |out| Ok(out.write_all(b"today\n")?)).unwrap();
-        write_atomically(&link, |out| Ok(out.write_all(b"tonight\n")?)).unwrap();
+        write_atomically(Path::new(&open), |out| out.write_all(b"today\n")).unwrap();
+        write_atomically(&link, |out| out.write_all(b"tonight\n")).unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"yesterday\ntoday\ntonight\n");
     }
 }

@@ -3,8 +3,7 @@
 //! Each is locked while its process lives. So what a killed process left behind can be told from what another one is
 //! writing, and [`clear`] removes the former alone.
 
-use super::place::parent;
-use anyhow::{Context, Result};
+use super::place::{parent, refused};
 use std::ffi::OsString;
 use std::fs::{self, File, Metadata, TryLockError};
 use std::io;
@@ -48,10 +47,11 @@ impl Drop for Listed {
 
 impl Partial {
     /// Makes a file beside `target`, whose folder is made if need be.
-    pub(super) fn create(target: &Path) -> Result<Self> {
+    pub(super) fn create(target: &Path) -> io::Result<Self> {
         let folder = parent(target);
         let mut prefix = OsString::from(".");
-        prefix.push(target.file_name().context("the path names no file")?);
+        let name = target.file_name();
+        prefix.push(name.ok_or_else(|| refused(io::ErrorKind::InvalidInput, "the path names no file"))?);
         prefix.push(".");
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
@@ -68,7 +68,9 @@ impl Partial {
             let taken = matches!(file.as_file().try_lock(), Err(TryLockError::WouldBlock));
             Ok((!taken && is_still_there(&file)?).then_some(file))
         };
-        let failed = || format!("no new file can be made in `{}`", folder.display());
+        let failed = |error: &io::Error| {
+            refused(error.kind(), format!("no new file can be made in `{}`: {error}", folder.display()))
+        };
         let mut live = live();
         for left in (0..ATTEMPTS).rev() {
             match attempt() {
@@ -79,10 +81,10 @@ impl Partial {
                 }
                 Ok(None) => {}
                 Err(error) if error.kind() == io::ErrorKind::NotFound && left > 0 => {}
-                Err(error) => return Err(error).with_context(failed),
+                Err(error) => return Err(failed(&error)),
             }
         }
-        Err(io::Error::from(io::ErrorKind::ResourceBusy)).with_context(failed)
+        Err(failed(&io::ErrorKind::ResourceBusy.into()))
     }
 
     pub(super) fn file(&self) -> &File {

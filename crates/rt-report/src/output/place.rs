@@ -1,6 +1,5 @@
 //! Where the path of an output leads.
 
-use anyhow::{Context, Result, bail, ensure};
 use std::ffi::OsStr;
 use std::fs::{self, Metadata};
 use std::io;
@@ -19,8 +18,8 @@ pub(super) enum Place {
         /// What is there.
         about: Option<Metadata>,
     },
-    /// A file that this process has open already, such as `/dev/stdout`. Opened by its name, it would be written from its
-    /// beginning even where it was opened to be appended to.
+    /// A file that this process has open already, such as `/dev/stdout`. Opened by its name, it would be written from
+    /// its beginning even where it was opened to be appended to.
     Descriptor(u32),
     /// A pipe or a device, which takes bytes as they come.
     Stream(PathBuf, Metadata),
@@ -29,12 +28,15 @@ pub(super) enum Place {
 impl Place {
     /// # Errors
     /// When nothing can be written there; the message does not name the path.
-    pub(super) fn of(path: &Path) -> Result<Self> {
+    pub(super) fn of(path: &Path) -> io::Result<Self> {
         let ends_in_slash = path.as_os_str().as_encoded_bytes().last().is_some_and(|&byte| byte == b'/');
-        ensure!(!ends_in_slash, "it names a folder: name a file in it");
+        let names_folder = || refused(io::ErrorKind::IsADirectory, "it names a folder: name a file in it");
+        if ends_in_slash {
+            return Err(names_folder());
+        }
         let mut path = path.to_owned();
         for _ in 0..MAX_LINKS {
-            let Some(name) = path.file_name() else { bail!("it names a folder: name a file in it") };
+            let name = path.file_name().ok_or_else(names_folder)?;
             let folder = real_folder(parent(&path))?;
             if let Some(number) = descriptor(&folder, name) {
                 return Ok(Self::Descriptor(number));
@@ -45,20 +47,26 @@ impl Place {
                 Err(error) if error.kind() == io::ErrorKind::NotFound => {
                     return Ok(Self::File { path: real, about: None });
                 }
-                Err(error) => return Err(error.into()),
+                Err(error) => return Err(error),
             };
             if about.is_symlink() {
                 path = folder.join(fs::read_link(&real)?);
             } else if about.is_dir() {
-                bail!("it is a folder: name a file in it");
+                return Err(refused(io::ErrorKind::IsADirectory, "it is a folder: name a file in it"));
             } else if about.is_file() {
                 return Ok(Self::File { path: real, about: Some(about) });
             } else {
                 return Ok(Self::Stream(real, about));
             }
         }
-        bail!("it is a link to a link, {MAX_LINKS} times over")
+        let links = format!("it is a link to a link, {MAX_LINKS} times over");
+        Err(refused(io::ErrorKind::InvalidInput, links))
     }
+}
+
+/// Why a path cannot be written to, where it is not the system that says so.
+pub(super) fn refused(kind: io::ErrorKind, why: impl Into<String>) -> io::Error {
+    io::Error::new(kind, why.into())
 }
 
 /// The folder a path lies in.
@@ -70,13 +78,16 @@ pub(super) fn parent(path: &Path) -> &Path {
 }
 
 /// A folder without links, as far as it exists; what has to be made is behind that as it stands.
-pub(super) fn real_folder(folder: &Path) -> Result<PathBuf> {
+pub(super) fn real_folder(folder: &Path) -> io::Result<PathBuf> {
     let mut missing = Vec::new();
     for ancestor in folder.ancestors() {
         let ancestor = if ancestor == Path::new("") { Path::new(".") } else { ancestor };
         match ancestor.canonicalize() {
             Ok(mut real) => {
-                ensure!(real.is_dir(), "`{}` is not a folder", ancestor.display());
+                if !real.is_dir() {
+                    let what = format!("`{}` is not a folder", ancestor.display());
+                    return Err(refused(io::ErrorKind::NotADirectory, what));
+                }
                 for part in missing.iter().rev() {
                     match part {
                         Component::ParentDir => drop(real.pop()),
@@ -89,10 +100,12 @@ pub(super) fn real_folder(folder: &Path) -> Result<PathBuf> {
             Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
                 missing.extend(ancestor.components().next_back());
             }
-            Err(error) => return Err(error).with_context(|| format!("the folder `{}`", ancestor.display())),
+            Err(error) => {
+                return Err(refused(error.kind(), format!("the folder `{}`: {error}", ancestor.display())));
+            }
         }
     }
-    bail!("the current folder is gone")
+    Err(refused(io::ErrorKind::NotFound, "the current folder is gone"))
 }
 
 /// The number of the open file that a name stands for, if its folder is the one where these are listed.

@@ -1,6 +1,6 @@
 //! The built-in scenes: a garden and a car, made by formula, the same bits on every platform.
 //!
-//! Both are as uneven as scenes can be: much of the picture costs a ray next to nothing, the rest is dear. Their
+//! Both are as uneven as scenes can be: much of the picture costs a ray next to nothing, the rest is expensive. Their
 //! triangles are as many as those of the scenes in M. Rincón-Nigro and Z. Deng, *Cost-based Workload Balancing for Ray
 //! Tracing on Multi-GPU Systems* (SIGGRAPH 2013 poster), so that timings are of like scale; the scenes are our own.
 //! What has a free number of parts, blades of grass and pieces of wire, takes the number that makes the sum come out.

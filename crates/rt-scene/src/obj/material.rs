@@ -81,8 +81,8 @@ pub(super) struct Colours {
     pub(super) warnings: Vec<String>,
 }
 
-/// Reads the libraries that a text names and finds the colour of each triangle. Materials are looked up when all is read,
-/// so that their names may come before them.
+/// Reads the libraries that a text names and finds the colour of each triangle. Materials are looked up when all is
+/// read, so that their names may come before them.
 pub(super) fn colour(
     uses: &Uses<'_>,
     file: &str,
@@ -260,8 +260,8 @@ impl Shelf<'_> {
     }
 }
 
-/// The colour of a `Kd` statement: `r g b`, or `r` alone for a grey, or `xyz x y z` likewise; `Some(None)` for a spectrum,
-/// which is not read, and `None` for anything else.
+/// The colour of a `Kd` statement: `r g b`, or `r` alone for a grey, or `xyz x y z` likewise; `Some(None)` for a
+/// spectrum, which is not read, and `None` for anything else.
 fn diffuse(statement: &Statement<'_>) -> Option<Option<Vec3>> {
     let mut words = statement.arguments().peekable();
     let kind = words.peek()?.to_ascii_lowercase();
@@ -310,16 +310,20 @@ fn unquoted(name: &str) -> &str {
     name.strip_prefix('"').and_then(|name| name.strip_suffix('"')).unwrap_or(name)
 }
 
-/// Reads a material file named by an OBJ file in `folder`.
-pub(super) fn read_beside(folder: &Path, file: &str) -> io::Result<Vec<u8>> {
+/// Reads a material file named by an OBJ file in `folder`, and says which file that is.
+pub(super) fn read_beside(folder: &Path, file: &str) -> io::Result<(PathBuf, Vec<u8>)> {
     let exact = folder.join(file);
     let path = if exact.exists() { exact } else { similar(folder, file).unwrap_or(exact) };
     // Opening a pipe or a terminal would wait for ever.
-    if fs::metadata(&path)?.is_file() { fs::read(path) } else { Err(io::ErrorKind::InvalidInput.into()) }
+    if !fs::metadata(&path)?.is_file() {
+        return Err(io::ErrorKind::InvalidInput.into());
+    }
+    let bytes = fs::read(&path)?;
+    Ok((path, bytes))
 }
 
-/// A file that is meant by a name which leads nowhere: with the separators of Windows, in upper and lower case, or in the
-/// folders of the machine where it was written, in which case the one in `folder` is taken.
+/// A file that is meant by a name which leads nowhere: with the separators of Windows, in upper and lower case, or in
+/// the folders of the machine where it was written, in which case the one in `folder` is taken.
 fn similar(folder: &Path, file: &str) -> Option<PathBuf> {
     let file = file.replace('\\', "/");
     let last = file.rsplit('/').next().unwrap_or(&file);

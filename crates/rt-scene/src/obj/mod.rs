@@ -1,18 +1,19 @@
 //! Loading Wavefront OBJ files.
 //!
 //! What is read of the format, and what becomes of the rest, is listed in `docs/obj.md`. In short: vertices, faces and
-//! diffuse colours. All groups and objects of a file become one model, in file order; vertices that no face uses are not kept.
+//! diffuse colours. All groups and objects of a file become one model, in file order; vertices that no face uses are
+//! not kept.
 //!
 //! **Ids.** A face of `n` corners has `n − 2` triangles, whose primitive ids follow each other, and those of the next
-//! face follow on them: in a file of triangles the id is the number of the `f` statement, counted from 0, and in a file of
-//! quadrilaterals its half. That holds whatever shape the polygons have, and with faces that are left out. Where the fan
-//! from a polygon's first corner covers it, its triangles are that fan, in order (`polygon`).
+//! face follow on them: in a file of triangles the id is the number of the `f` statement, counted from 0, and in a file
+//! of quadrilaterals its half. That holds whatever shape the polygons have, and with faces that are left out. Where the
+//! fan from a polygon's first corner covers it, its triangles are that fan, in order (`polygon`).
 //!
 //! **Digits.** Coordinates are read in double precision. Where single precision would move vertices by more than a
 //! millionth of the model's extent, an offset is subtracted first (`place`): [`Model::offset`].
 //!
-//! A file passes through `text` (its encoding), `statement` (its lines), `geometry` (vertices and faces), `material` and
-//! `place` (single precision).
+//! A file passes through `text` (its encoding), `statement` (its lines), `geometry` (vertices and faces), `material`
+//! and `place` (single precision).
 
 mod error;
 mod geometry;
@@ -33,16 +34,17 @@ use geometry::{Geometry, Noticed};
 use glam::DVec3;
 use place::Placed;
 use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, Read};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// What a loader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadOptions {
-    /// Leave out faces with a [`Defect`], or that use a vertex with one. Their triangles stay in [`Model::indices`] with a
-    /// vertex that is not finite, so that every other triangle keeps its number; the builder of the tree leaves them
-    /// out. Otherwise such a file is an error.
+    /// Leave out faces with a [`Defect`], or that use a vertex with one. Their triangles stay in [`Model::indices`]
+    /// with a vertex that is not finite, so that every other triangle keeps its number; the builder of the tree leaves
+    /// them out. Otherwise such a file is an error.
     pub drop_invalid: bool,
     /// Most triangles accepted. Ids have 32 bits and `u32::MAX` means "none", hence the default of `u32::MAX − 1`.
     pub max_triangles: u32,
@@ -65,13 +67,15 @@ pub struct Loaded {
     pub skipped_lines: u64,
     /// Number of faces that are left out: above 0 only with [`LoadOptions::drop_invalid`].
     pub left_out: u64,
-    /// How far single precision would have moved vertices of the model, in its units, but for [`Model::offset`]; 0 where
-    /// that is 0.
+    /// How far single precision would have moved vertices of the model, in its units, but for [`Model::offset`]; 0
+    /// where that is 0.
     pub moved: f64,
     /// What else the user should know, one sentence each, which begins with the name of a file.
     pub warnings: Vec<String>,
     /// What was done with the file's numbers, likewise.
     pub notes: Vec<String>,
+    /// The material files that were read: of [`load_obj`] alone.
+    pub libraries: Vec<PathBuf>,
 }
 
 /// Loads the OBJ file at `path`, with the material files that it names where they can be read.
@@ -79,13 +83,20 @@ pub struct Loaded {
 /// Needs about twice the file's size in memory while it runs. `watch` is called every megabyte or 65,536 vertices.
 ///
 /// # Errors
-/// When the file cannot be read, is not an OBJ file, or has defects; when the system refuses memory; when `watch` breaks.
+/// When the file cannot be read, is not an OBJ file, or has defects; when the system refuses memory; when `watch`
+/// breaks.
 pub fn load_obj(path: &Path, options: &LoadOptions, watch: &mut Watch<'_>) -> Result<Loaded, LoadError> {
     let name = path.display().to_string();
     let bytes = read_file(path, watch).map_err(|fault| fault.of(&name))?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    load(bytes.into(), &name, options, &|file| material::read_beside(folder, file), watch)
-        .map_err(|fault| fault.of(&name))
+    let libraries = RefCell::new(Vec::new());
+    let read = |file: &str| {
+        let (path, bytes) = material::read_beside(folder, file)?;
+        libraries.borrow_mut().push(path);
+        Ok(bytes)
+    };
+    let loaded = load(bytes.into(), &name, options, &read, watch).map_err(|fault| fault.of(&name))?;
+    Ok(Loaded { libraries: libraries.into_inner(), ..loaded })
 }
 
 /// Loads an OBJ file that is already in memory.
@@ -135,6 +146,7 @@ fn load(
         moved: placed.moved,
         warnings,
         notes,
+        libraries: Vec::new(),
         model: Model {
             source: name.to_owned(),
             positions: placed.positions,

@@ -2,8 +2,8 @@
 
 use super::Defect;
 
-/// A coordinate: NaN for what the programs of this world print for infinite and undefined numbers, and for what is beyond
-/// double precision; `None` for anything else that is not a number.
+/// A coordinate: NaN for what the programs of this world print for infinite and undefined numbers, and for what is
+/// beyond double precision; `None` for anything else that is not a number.
 #[inline]
 pub(super) fn coordinate(word: &[u8]) -> Option<f64> {
     let text = str::from_utf8(word).ok()?;
@@ -13,7 +13,8 @@ pub(super) fn coordinate(word: &[u8]) -> Option<f64> {
     }
 }
 
-/// Spellings of infinite and undefined numbers that Rust does not know (it knows `inf`, `infinity` and `nan`), in lower case.
+/// Spellings of infinite and undefined numbers that Rust does not know (it knows `inf`, `infinity` and `nan`), in lower
+/// case.
 const UNDEFINED: [&str; 18] = [
     "\u{221e}", // .NET since 3.0
     "nanq",     // AIX

@@ -133,9 +133,9 @@ struct Offset {
 impl Offset {
     /// The offset for vertices in a file's coordinates.
     ///
-    /// It is a multiple of the largest power of two within the extent. So it has a finite number of decimal digits, and the
-    /// differences from it are exact: in double precision those of the file's coordinates, and in single precision those of
-    /// single-precision numbers (of rays, say) up to 2²³ extents away and no nearer to 0 than to the offset.
+    /// It is a multiple of the largest power of two within the extent. So it has a finite number of decimal digits, and
+    /// the differences from it are exact: in double precision those of the file's coordinates, and in single precision
+    /// those of single-precision numbers (of rays, say) up to 2²³ extents away and no nearer to 0 than to the offset.
     fn of(vertices: &[DVec3]) -> Result<Self, NoMemory> {
         let mut sample = memory::list(SAMPLE.min(vertices.len()))?;
         let mut range = |axis: usize| {

@@ -1,8 +1,9 @@
 //! Polygons become triangles that cover them, notches left open.
 //!
-//! A polygon of `n` corners becomes `n − 2` triangles. Where the fan from its first corner covers it, as in every convex
-//! polygon, the triangles are that fan: corners 1 2 3, 1 3 4, 1 4 5 and so on. Else its constrained Delaunay triangulation in
-//! its plane is taken, which uses every corner, also those on straight edges, so that no crack opens beside the neighbours.
+//! A polygon of `n` corners becomes `n − 2` triangles. Where the fan from its first corner covers it, as in every
+//! convex polygon, the triangles are that fan: corners 1 2 3, 1 3 4, 1 4 5 and so on. Else its constrained Delaunay
+//! triangulation in its plane is taken, which uses every corner, also those on straight edges, so that no crack opens
+//! beside the neighbours.
 
 use glam::{DVec2, DVec3};
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
@@ -21,7 +22,8 @@ pub(super) enum Shape {
 }
 
 /// Distance of a corner from the polygon's plane over its distance from the first corner, without a unit, above which a
-/// polygon counts as warped. Exporters round coordinates, and smooth surfaces are made of quadrilaterals that are nearly plane.
+/// polygon counts as warped. Exporters round coordinates, and smooth surfaces are made of quadrilaterals that are
+/// nearly plane.
 const WARPED: f64 = 0.01;
 
 /// Share of a polygon's area up to which a triangle that is turned the wrong way is taken for rounding.
@@ -86,8 +88,8 @@ pub(super) fn cover(corners: &[u32], triangles: &mut [[u32; 3]], vertices: &[DVe
     shape
 }
 
-/// Whether the fan from corner 0 covers a polygon of `count` corners once, `at` measured from that corner: all its triangles
-/// turn the same way, and together by less than a full turn.
+/// Whether the fan from corner 0 covers a polygon of `count` corners once, `at` measured from that corner: all its
+/// triangles turn the same way, and together by less than a full turn.
 fn is_covered_by_fan(count: usize, at: impl Fn(usize) -> DVec3, normal: DVec3) -> bool {
     let least = -SLACK * normal.length_squared();
     let first = at(1);
@@ -107,8 +109,8 @@ fn is_covered_by_fan(count: usize, at: impl Fn(usize) -> DVec3, normal: DVec3) -
 /// Height over diameter, without a unit, up to which rounding explains that corners do not lie in a plane.
 const FLAT: f64 = 1e-9;
 
-/// The corners in the plane, counterclockwise, the largest coordinate between 1/2 and 1. The axis that is nearest to the
-/// normal is dropped, so that a plane polygon keeps its numbers; a warped one is projected along the normal first.
+/// The corners in the plane, counterclockwise, the largest coordinate between 1/2 and 1. The axis that is nearest to
+/// the normal is dropped, so that a plane polygon keeps its numbers; a warped one is projected along the normal first.
 fn flatten(corners: impl Iterator<Item = DVec3>, normal: DVec3, project: bool) -> Vec<DVec2> {
     let size = normal.abs();
     let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(2);
@@ -129,7 +131,8 @@ fn flatten(corners: impl Iterator<Item = DVec3>, normal: DVec3, project: bool) -
 
 /// The triangles of a simple polygon, counterclockwise, by numbers of its corners; `None` for one that crosses itself.
 ///
-/// Corners at one place are one corner, and edges that are passed twice, such as those that lead to a hole, bound nothing.
+/// Corners at one place are one corner, and edges that are passed twice, such as those that lead to a hole, bound
+/// nothing.
 fn delaunay(flat: &[DVec2]) -> Option<Vec<[usize; 3]>> {
     let count = flat.len();
     let mut by_place: Vec<usize> = (0..count).collect();

@@ -52,8 +52,8 @@ impl Name<'_> {
         self.0.is_empty()
     }
 
-    /// The name's characters. Bytes that are not UTF-8 are taken for Latin-1, so that the same name is read alike in files
-    /// of both.
+    /// The name's characters. Bytes that are not UTF-8 are taken for Latin-1, so that the same name is read alike in
+    /// files of both.
     pub(super) fn text(&self) -> String {
         let joined;
         let bytes = if memchr2(b'\n', b'\r', self.0).is_some() {

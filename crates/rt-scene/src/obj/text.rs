@@ -3,8 +3,8 @@
 use crate::memory::{NoMemory, grow};
 use std::borrow::Cow;
 
-/// The text of a file in bytes that agree with ASCII: UTF-16 becomes UTF-8, all else stays as it is. Numbers and keywords
-/// are ASCII, and names are read as UTF-8 or, failing that, Latin-1.
+/// The text of a file in bytes that agree with ASCII: UTF-16 becomes UTF-8, all else stays as it is. Numbers and
+/// keywords are ASCII, and names are read as UTF-8 or, failing that, Latin-1.
 pub(super) fn decode(bytes: Cow<'_, [u8]>) -> Result<Cow<'_, [u8]>, NoMemory> {
     let unit = match bytes[..] {
         [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => return Ok(bytes), // UTF-32

@@ -21,8 +21,9 @@ pub const SLIVER_ASPECT: f64 = 1.0 / 4096.0;
 /// Height over the diagonal of the scene, without a unit, below which single precision can decide nothing about a
 /// triangle. Far outliers such as a ground to the horizon do not count for the diagonal: few rays start there.
 ///
-/// Seen from a ray `D` away, `D` up to the diagonal, a sheared vertex is off by about `4 · 2⁻²⁴ D`, and the edge function of
-/// an edge of length `L` by twice that times `L`. The largest value that it takes inside a triangle of height `h` is `L h`.
+/// Seen from a ray `D` away, `D` up to the diagonal, a sheared vertex is off by about `4 · 2⁻²⁴ D`, and the edge
+/// function of an edge of length `L` by twice that times `L`. The largest value that it takes inside a triangle of
+/// height `h` is `L h`.
 pub const FILTER_RESOLUTION: f64 = 1.0 / 2_097_152.0;
 
 /// What a single pass over a model found. Lengths are in units of the model, ratios have none.
@@ -41,8 +42,8 @@ pub struct Scan {
     /// Triangles with area whose height is less than [`FILTER_RESOLUTION`] of the diagonal: nearly every test of one
     /// needs double precision.
     pub unresolved: u64,
-    /// Triangles with area that have the same three corners, in any order, as one before them; `None` (null) where there
-    /// was no memory to find out.
+    /// Triangles with area that have the same three corners, in any order, as one before them; `None` (null) where
+    /// there was no memory to find out.
     pub duplicates: Option<u64>,
     /// Smallest coordinates of the finite triangles; `None` (null) where there are none.
     pub min: Option<[f32; 3]>,
@@ -140,8 +141,8 @@ fn height(triangle: &Triangle) -> Option<(f64, f64)> {
     (height > 0.0).then_some((height, longest))
 }
 
-/// The same for triangles with the same corners in any order, and, but for one pair of a million triangles in 10⁷ models, for
-/// no others.
+/// The same for triangles with the same corners in any order, and, but for one pair of a million triangles in 10⁷
+/// models, for no others.
 fn fingerprint(triangle: &Triangle) -> u64 {
     let mut hasher = DefaultHasher::new();
     sorted_corners(triangle).hash(&mut hasher);

@@ -6,8 +6,8 @@ use serde::{Serialize, Serializer};
 
 /// Share of unresolved triangles from which double precision throughout is the cheaper way.
 ///
-/// While planning, a plain single-precision test was measured as 1, a watertight one as 1.2 and one in double precision as
-/// 1.37. A robust test costs the second, and in doubtful cases the third as well: `1.2 + share · 1.37 > 1.37` from a
+/// While planning, a plain single-precision test was measured as 1, a watertight one as 1.2 and one in double precision
+/// as 1.37. A robust test costs the second, and in doubtful cases the third as well: `1.2 + share · 1.37 > 1.37` from a
 /// share of 0.12. The share of triangles stands for the share of tests, which no scan can know.
 const UNRESOLVED_SHARE: f64 = 0.12;
 
@@ -19,10 +19,9 @@ const OFFSET_RATIO: f64 = 1e5;
 
 /// The plan of a scene, as written to `report.json` under `scene.plan`.
 ///
-/// Precision is a matter of speed alone: [`Precision::Robust`] gives the same hits as [`Precision::Double`]. Both are those
-/// of the file's own numbers, to the rounding that [`Model::offset`](crate::Model::offset) leaves: the numbers that are
-/// scanned here are those after it.
-/// What only the tree can tell is `None` (null) until [`Plan::complete`].
+/// Precision is a matter of speed alone: [`Precision::Robust`] gives the same hits as [`Precision::Double`]. Both are
+/// those of the file's own numbers, to the rounding that [`Model::offset`](crate::Model::offset) leaves: the numbers
+/// that are scanned here are those after it. What only the tree can tell is `None` (null) until [`Plan::complete`].
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Plan {
     /// How rays are tested.

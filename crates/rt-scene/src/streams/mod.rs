@@ -1,7 +1,7 @@
 //! Ray streams: camera rays in waves that fit the memory, and the shadow and diffuse rays that follow from their hits.
 //!
-//! [`Paths`] makes them all. Whoever renders, measures or checks takes its rays from there, so that what is measured is what
-//! is rendered; [`Spawner`] is for rays that follow from others than a camera's.
+//! [`Paths`] makes them all. Whoever renders, measures or checks takes its rays from there, so that what is measured is
+//! what is rendered; [`Spawner`] is for rays that follow from others than a camera's.
 
 mod path;
 mod spawn;
@@ -17,7 +17,8 @@ use rayon::prelude::*;
 use rt_bvh::Stack;
 use rt_core::{Hit, RaySource, Scene, StreamSpec};
 
-/// The hits of a stream, found on all of the host's cores: for those who need hits to go on from, not devices to measure.
+/// The hits of a stream, found on all of the host's cores: for those who need hits to go on from, not devices to
+/// measure.
 #[must_use]
 pub fn trace(scene: &Scene, source: &RaySource, spec: StreamSpec) -> Vec<Hit> {
     /// Rays that one core traces at a time.

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 /// What all paths of an image have in common. A path is a ray from the camera with all that follows from it.
 ///
-/// An image is the same to the bit however it is cut into waves: random numbers depend on the seed, the pixel, the sample and
-/// the bounce alone.
+/// An image is the same to the bit however it is cut into waves: random numbers depend on the seed, the pixel, the
+/// sample and the bounce alone.
 #[derive(Clone, Debug)]
 pub struct Paths {
     /// Where paths begin.
@@ -49,8 +49,8 @@ impl Paths {
         PathStream { source, kind: StreamKind::Primary, query: Query::Closest, first: wave.first }
     }
 
-    /// What follows where the rays of `stream` hit, which are primary or diffuse: rays to the sun, and the rays with which the
-    /// paths go on. Either may be empty.
+    /// What follows where the rays of `stream` hit, which are primary or diffuse: rays to the sun, and the rays with
+    /// which the paths go on. Either may be empty.
     #[must_use]
     pub fn follow(&self, stream: &PathStream, hits: &[Hit]) -> [PathStream; 2] {
         let [shadow, diffuse] = self.spawner(stream, hits).streams([self.sun.aim(), Aim::Cosine]);

@@ -11,8 +11,8 @@ const CHUNK: u32 = 1 << 14;
 
 /// Finds the rays that follow from the hits of a traced stream.
 ///
-/// What they are is defined in [`rt_core::bounce`]. A ray depends on its path, the seed and the bounce, never on threads, on
-/// chunks or on which other rays hit.
+/// What they are is defined in [`rt_core::bounce`]. A ray depends on its path, the seed and the bounce, never on
+/// threads, on chunks or on which other rays hit.
 #[derive(Clone, Copy, Debug)]
 pub struct Spawner<'a> {
     /// The triangles of the traced scene.
@@ -32,11 +32,11 @@ pub struct Spawner<'a> {
 }
 
 impl Spawner<'_> {
-    /// A ray for each hit that can send one to `aim`, in the order of the paths; all `N` lists in one pass over the hits, since
-    /// most of the work is to find the surface.
+    /// A ray for each hit that can send one to `aim`, in the order of the paths; all `N` lists in one pass over the
+    /// hits, since most of the work is to find the surface.
     ///
-    /// Rays that go about the normal leave on the side that was seen. Rays to a disc leave where the seen side faces the point
-    /// that is drawn of it; they are a question for [`rt_core::Query::Any`].
+    /// Rays that go about the normal leave on the side that was seen. Rays to a disc leave where the seen side faces
+    /// the point that is drawn of it; they are a question for [`rt_core::Query::Any`].
     #[must_use]
     pub fn streams<const N: usize>(&self, aims: [Aim; N]) -> [BounceRays; N] {
         let scatters = aims.map(|aim| Scatter {

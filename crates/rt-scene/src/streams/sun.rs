@@ -39,8 +39,8 @@ impl Sun {
         Some(Self { middle, radii: [tangent * size, bitangent * size] })
     }
 
-    /// The sun that lights what `view` shows: above and behind the camera, to its left, so that shadows are seen. Pictures
-    /// and measurements have the same one.
+    /// The sun that lights what `view` shows: above and behind the camera, to its left, so that shadows are seen.
+    /// Pictures and measurements have the same one.
     #[must_use]
     pub fn beside(view: &View) -> Self {
         let up = view.up.try_normalize().unwrap_or(Vec3::Y);

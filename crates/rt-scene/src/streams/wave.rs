@@ -27,8 +27,8 @@ impl Wave {
     }
 }
 
-/// An image cut into waves: consecutive parts of the Z-curve. Each is made when it is asked for, so that their number does
-/// not cost memory.
+/// An image cut into waves: consecutive parts of the Z-curve. Each is made when it is asked for, so that their number
+/// does not cost memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Waves {
     size: [u32; 2],
@@ -36,7 +36,8 @@ pub struct Waves {
 }
 
 impl Waves {
-    /// Waves of so few pixels that `samples` rays for each pixel at `bytes_per_ray` bytes stay within `memory_limit` bytes.
+    /// Waves of so few pixels that `samples` rays for each pixel at `bytes_per_ray` bytes stay within `memory_limit`
+    /// bytes.
     ///
     /// They are as equal in size as can be, since the tail of every wave leaves devices idle. A wave has at least one
     /// pixel, whatever the limit, and its rays can be numbered in 32 bits.

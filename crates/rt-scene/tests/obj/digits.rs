@@ -66,9 +66,9 @@ fn what_is_far_from_the_rest_is_named() {
 }
 
 proptest! {
-    /// Guards: vertices are where the file says, to a millionth of the extent, wherever that is, and so are rays in single
-    /// precision. Fails when coordinates are read in single precision, when the offset is the
-    /// rounded middle, when it is that of another axis, and when `MOVED_AT_MOST` is a hundred times larger.
+    /// Guards: vertices are where the file says, to a millionth of the extent, wherever that is, and so are rays in
+    /// single precision. Fails when coordinates are read in single precision, when the offset is the rounded middle,
+    /// when it is that of another axis, and when `MOVED_AT_MOST` is a hundred times larger.
     #[test]
     fn vertices_stay_where_the_file_says(
         middle in [-1e8..1e8_f64, -1e8..1e8_f64, -1e4..1e4_f64], exponent in -2..5_i32,

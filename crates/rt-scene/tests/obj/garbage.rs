@@ -87,8 +87,9 @@ fn in_utf16(text: &[u8]) -> Vec<u8> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(3000))]
 
-    /// Guards: no input panics, and what loads is whole. Fails when `number::index` does not saturate, when faces keep what
-    /// follows a slash, when corners beyond the last vertex are not looked for, and when left out faces keep their vertices.
+    /// Guards: no input panics, and what loads is whole. Fails when `number::index` does not saturate, when faces keep
+    /// what follows a slash, when corners beyond the last vertex are not looked for, and when left out faces keep their
+    /// vertices.
     #[test]
     fn garbage_never_panics(
         pieces in prop::collection::vec(piece(), 0..40), mtl in prop::collection::vec(piece(), 0..12), wide in 0..8,
@@ -122,8 +123,8 @@ proptest! {
         let _ = load(&text.as_bytes()[..cut.min(text.len())], &LoadOptions::default());
     }
 
-    /// Guards: numbers survive as they are, with an offset or without. Fails when a coordinate is read in single precision
-    /// and the offset is subtracted after that.
+    /// Guards: numbers survive as they are, with an offset or without. Fails when a coordinate is read in single
+    /// precision and the offset is subtracted after that.
     #[test]
     fn coordinates_come_back_bit_for_bit(values in prop::collection::vec(any::<f32>().prop_filter("finite", |x| x.is_finite()), 9)) {
         let text: String = values.chunks(3).map(|v| format!("v {:e} {} {:?}\n", v[0], v[1], v[2])).collect();

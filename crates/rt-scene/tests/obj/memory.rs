@@ -23,8 +23,8 @@ fn load_under_a_limit() {
     }
 }
 
-/// Guards: every list that grows with the file is grown with care. Fails (the child aborts) when any of them is grown by
-/// `Vec::push` or `vec!`.
+/// Guards: every list that grows with the file is grown with care. Fails (the child aborts) when any of them is grown
+/// by `Vec::push` or `vec!`.
 #[test]
 #[cfg(target_os = "linux")]
 fn refused_memory_is_an_error_wherever_it_happens() {

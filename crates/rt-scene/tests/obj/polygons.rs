@@ -223,9 +223,9 @@ fn stairs() -> impl Strategy<Value = Vec<DVec2>> {
 }
 
 proptest! {
-    /// Guards: simple polygons in any plane are covered exactly, from whichever corner they begin, either way round. Fails
-    /// when the fan is always taken, when `is_covered_by_fan` does not look for a full turn, when `flatten` drops the first
-    /// axis whatever the normal, and when `inside` does not stop at constraint edges.
+    /// Guards: simple polygons in any plane are covered exactly, from whichever corner they begin, either way round.
+    /// Fails when the fan is always taken, when `is_covered_by_fan` does not look for a full turn, when `flatten` drops
+    /// the first axis whatever the normal, and when `inside` does not stop at constraint edges.
     #[test]
     fn simple_polygons_are_covered(
         polygon in prop_oneof![star(), comb(), stairs()], [x, y, origin] in plane(),

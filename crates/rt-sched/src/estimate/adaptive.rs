@@ -9,21 +9,21 @@ use rt_core::{CostEstimator, Observation, RayStream, Step, StreamRecord, TestCou
 
 /// Samples exact counts where their error is largest, and stops when more samples cost more than they gain.
 ///
-/// A small first sample gives each task's variance. Then J. Neyman's optimum allocation (*On the Two Different Aspects of
-/// the Representative Method*, 1934) says how a larger sample should be spread: in proportion to a task's rays times
-/// their standard deviation, which is where intervals are widest. How large it should be follows from a model of what it
-/// is for:
+/// A small first sample gives each task's variance. Then J. Neyman's optimum allocation (*On the Two Different Aspects
+/// of the Representative Method*, 1934) says how a larger sample should be spread: in proportion to a task's rays times
+/// their standard deviation, which is where intervals are widest. How large it should be follows from a model of what
+/// it is for:
 ///
 /// * A static schedule over m devices is off by the errors of the tasks on the device that is late: the largest of m
 ///   sums, each of variance V/m for a total variance V of all tasks' estimates. For normal errors that is about
 ///   √(2 ln m) · √(V/m) (H. Cramér, *Mathematical Methods of Statistics*, 1946, 28.6).
 /// * With Neyman's allocation of n samples V = S²/n, S the sum of rays times standard deviation over the tasks.
-/// * A walked ray's hit is kept, so it costs what it is dearer than a traced one: (price − 1) rays, shared by m devices.
-///   The price is measured.
+/// * A walked ray's hit is kept, so it costs what it is more expensive than a traced one: (price − 1) rays, shared by m
+///   devices. The price is measured.
 ///
 /// The sum is least for n = (√(2 ln m / m) · S / 2p)^⅔, p the tests that a sample costs on each device. With one device
-/// there is nothing to balance and the first sample is the last. A queue that steals gains less; it has no better model, but
-/// no gain is believed beyond what the stream would lose without any estimate.
+/// there is nothing to balance and the first sample is the last. A queue that steals gains less; it has no better
+/// model, but no gain is believed beyond what the stream would lose without any estimate.
 ///
 /// Price: the walks; two to three hand-overs to the devices instead of one.
 #[derive(Clone, Debug)]
@@ -133,7 +133,7 @@ impl Open {
         let sample_cost = price.beyond() * of_ray / devices;
         let best = libm::cbrt(libm::pow(late * sum / (2.0 * sample_cost), 2.0));
         // Nobody can gain more than what a schedule without any estimate loses.
-        let most = stream.blind_excess * of_ray * f64::from(stream.rays()) / devices;
+        let most = stream.uninformed_excess * of_ray * f64::from(stream.rays()) / devices;
         let gain = (late * (libm::sqrt(variance) - sum / libm::sqrt(best))).min(most);
         let cost = (best - n) * sample_cost + ROUND * of_ray;
         if best <= n || gain <= cost || gain.is_nan() {
@@ -144,8 +144,8 @@ impl Open {
     }
 }
 
-/// How many deviations of its own a task's neighbourhood counts for when samples are allocated: few, since the question is
-/// how tasks differ.
+/// How many deviations of its own a task's neighbourhood counts for when samples are allocated: few, since the question
+/// is how tasks differ.
 const BORROWED: f64 = 1.0;
 
 impl CostEstimator for Adaptive {

@@ -68,8 +68,8 @@ impl<'a> Batch<'a> {
 
     /// Each task's samples scaled to all its rays, with their standard error.
     ///
-    /// Of random samples the means are first shrunk towards those of the tasks beside them; evenly spread ones of coherent
-    /// rays know their own tasks too well for that ([`super::Sampled`] has figures).
+    /// Of random samples the means are first shrunk towards those of the tasks beside them; evenly spread ones of
+    /// coherent rays know their own tasks too well for that ([`super::Sampled`] has figures).
     pub(super) fn extrapolated(&self) -> Vec<Work> {
         let unlike = Divergence::of(self.seen.counts);
         let work = match RaySampler::for_stream(&self.stream) {
@@ -120,9 +120,9 @@ impl<'a> Batch<'a> {
             };
             let rays = f64::from(task.rays);
             let [boxes, triangles] = believed.mean.map(|mean| (mean * rays) as f32);
-            // Of random samples where a few rays are dear, mean and variance are low together, and an estimate that is too low
-            // would claim to be certain (W. Cochran, *Sampling Techniques*, 1977, 2.15): the neighbourhood's is the least
-            // that is believed.
+            // Of random samples where a few rays are expensive, mean and variance are low together, and an estimate
+            // that is too low would claim to be certain (W. Cochran, *Sampling Techniques*, 1977, 2.15): the
+            // neighbourhood's is the least that is believed.
             let left = of_mean(pooled.max(around), task, sample) * believed.left;
             Work::new(task.rays as f32, boxes, triangles).with_std_error((rays * libm::sqrt(left)) as f32)
         });
@@ -153,8 +153,8 @@ pub(super) fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
 
 /// Divergence of one ray, from how sampled rays differ from those before them.
 ///
-/// Sampled rays lie further apart than a task's own do, so this is more than theirs. The prices that are fitted to it know
-/// nothing else, so only its proportion matters.
+/// Sampled rays lie further apart than a task's own do, so this is more than theirs. The prices that are fitted to it
+/// know nothing else, so only its proportion matters.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Divergence {
     /// Of all samples: what is believed of a task that has fewer than two.
@@ -203,7 +203,7 @@ fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
 /// What samples borrow from their neighbourhood: the variance of a ray from successive differences of samples around
 /// them in the stream's order.
 ///
-/// A sample that met no rare dear ray claims to be certain, and few samples know nothing of their variance; their
+/// A sample that met no rare expensive ray claims to be certain, and few samples know nothing of their variance; their
 /// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
 /// within one, which errs on the safe side.
 #[derive(Clone, Debug)]
@@ -212,8 +212,8 @@ pub(super) struct Pool {
     sums: Vec<f64>,
 }
 
-/// A task of which one ray in so many is sampled is known well enough, and is not shrunk: intervals would hold in 92% of the
-/// tasks where half of the rays are sampled.
+/// A task of which one ray in so many is sampled is known well enough, and is not shrunk: intervals would hold in 92%
+/// of the tasks where half of the rays are sampled.
 const ENOUGH: usize = 4;
 
 /// Fewest samples that a pool looks at around a task: its own neighbours, and enough for a variance.
@@ -256,8 +256,8 @@ impl Pool {
         Self { sums: counts.iter().map(step).collect() }
     }
 
-    /// Variance of the tests of one ray of the task whose samples are `own` of all; `None` where the whole stream has too
-    /// few. The neighbourhood counts for `borrowed` deviations, more than none.
+    /// Variance of the tests of one ray of the task whose samples are `own` of all; `None` where the whole stream has
+    /// too few. The neighbourhood counts for `borrowed` deviations, more than none.
     pub(super) fn variance(
         &self,
         own: Range<usize>,
@@ -268,8 +268,8 @@ impl Pool {
         Some(pooled(sample, sampler, self.around(own, WINDOW)?, borrowed))
     }
 
-    /// For random samples: the variance of the tests of one ray, by the task and a neighbourhood that is wider and counts for
-    /// as much as it does; and by that neighbourhood alone.
+    /// For random samples: the variance of the tests of one ray, by the task and a neighbourhood that is wider and
+    /// counts for as much as it does; and by that neighbourhood alone.
     fn wide(&self, own: Range<usize>, sample: &[TestCounts]) -> Option<(f64, f64)> {
         let around = self.around(own, WIDER * sample.len().max(LEAST_RANDOM))?;
         Some((pooled(sample, RaySampler::Random, around, BORROWED.max(sample.len() as f64)), around))

@@ -1,4 +1,4 @@
-//! Costs from a map of where in the scene rays are dear.
+//! Costs from a map of where in the scene rays are expensive.
 
 use super::batch::{Asked, Batch, Divergence, scaled_up};
 use super::cells::{Cell, Cells, Heading, NO_SLOT, Place};
@@ -10,7 +10,7 @@ use rt_core::{
     CostEstimator, Observation, RaySource, RayStream, Step, StreamKind, Task, TestCounts, Walk, Work, random, tasks_of,
 };
 
-/// Learns where in the scene, and in which direction, rays are dear, and corrects that by each task's own samples.
+/// Learns where in the scene, and in which direction, rays are expensive, and corrects that by each task's own samples.
 ///
 /// A task of few rays has one sample or none, and diffuse rays from one spot differ much: there the samples of
 /// neighbours and of earlier streams say more than the task's own. The map is a hierarchy of cells of position and
@@ -20,10 +20,10 @@ use rt_core::{
 /// regression estimator with two-phase sampling (W. Cochran, *Sampling Techniques*, 1977, 12.6). Its standard error is
 /// that predictor's, from residuals of rays that the map had not seen.
 ///
-/// Where rays are coherent and every task has a sample, the map is not asked: those samples are spread so evenly that it
-/// only adds errors. With 4, 8 and 16 samples for each 1,024 primary rays of four scenes its mean error was 1.3 to 3.8 times
-/// theirs when it was new and 1.1 to 2.1 times when it had seen two streams (`--bin coverage`); so these are scaled up as by
-/// [`super::Sampled`].
+/// Where rays are coherent and every task has a sample, the map is not asked: those samples are spread so evenly that
+/// it only adds errors. With 4, 8 and 16 samples for each 1,024 primary rays of four scenes its mean error was 1.3 to
+/// 3.8 times theirs when it was new and 1.1 to 2.1 times when it had seen two streams (`--bin coverage`); so these are
+/// scaled up as by [`super::Sampled`].
 ///
 /// Price: the walks of its sample, whose hits are kept; on one thread of the host some 0.2 µs a sample to learn and
 /// 0.05 µs for one ray in 32 to look up; 2 MB for each kind of stream.
@@ -128,14 +128,14 @@ const RAYS_PER_LOOKUP: u32 = 32;
 /// Fewest lookups of a task.
 const LEAST_LOOKUPS: u32 = 4;
 
-/// Most lookups of a task for each sample that tasks have in the mean: where samples are few, their error is larger than
-/// what more lookups could mend.
+/// Most lookups of a task for each sample that tasks have in the mean: where samples are few, their error is larger
+/// than what more lookups could mend.
 const LOOKUPS_PER_SAMPLE: u32 = 8;
 
 /// A map from where a ray starts and where it goes to its expected tests, that learns from samples.
 ///
-/// It knows nothing but means: of all rays, then of the residuals in ever smaller cells, each shrunk towards 0 while few
-/// rays were seen there. Its memory is bounded; what it learned fades from stream to stream.
+/// It knows nothing but means: of all rays, then of the residuals in ever smaller cells, each shrunk towards 0 while
+/// few rays were seen there. Its memory is bounded; what it learned fades from stream to stream.
 #[derive(Clone, Debug, Default)]
 pub(super) struct CostField {
     cells: Option<Cells>,
@@ -297,8 +297,8 @@ struct Judges {
     tasks: Vec<Range<usize>>,
 }
 
-/// Samples of a task that judge the map, and of all tasks together: enough for variances, and few, since each is compared
-/// with all samples of its task on every level.
+/// Samples of a task that judge the map, and of all tasks together: enough for variances, and few, since each is
+/// compared with all samples of its task on every level.
 const JUDGES: usize = 16;
 const ALL_JUDGES: usize = 4096;
 

@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use alloc::vec::Vec;
 use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Task, Walk, Work};
 
-/// Predicts a stream from the last one of its kind and part, corrected by how long its tasks really took.
+/// Predicts a stream from the last one of its kind and wave, corrected by how long its tasks really took.
 ///
 /// Each task's tests are multiplied by measured over predicted seconds, as Blender Cycles' `work_balancer` corrects its
 /// devices' shares from frame to frame, but per task. When tasks were cut differently, the old costs per ray are read
@@ -27,7 +27,7 @@ const LEAST_OUTCOMES: f64 = 8.0;
 #[derive(Debug)]
 struct Past {
     kind: StreamKind,
-    part: u32,
+    wave: u32,
     rays: Vec<u32>,
     work: Vec<Work>,
     misses: Misses,
@@ -40,11 +40,11 @@ impl History {
         Self { inner, past: Vec::new() }
     }
 
-    /// What the past says of a stream; `None` where it has not seen its kind and part.
+    /// What the past says of a stream; `None` where it has not seen its kind and wave.
     ///
     /// The standard error of a task is how far the last stream's prediction was off, relative to it, over all tasks.
     pub(super) fn recall(&self, stream: RayStream<'_>) -> Option<Vec<Work>> {
-        let past = self.past.iter().find(|past| (past.kind, past.part) == (stream.kind, stream.part))?;
+        let past = self.past.iter().find(|past| (past.kind, past.wave) == (stream.kind, stream.wave))?;
         let work = past.seen_by(stream.tasks).into_iter();
         let off = past.misses.typical();
         Some(work.map(|w| w.with_std_error(off.map_or(f32::NAN, |off| w.tests() * off as f32))).collect())
@@ -53,8 +53,8 @@ impl History {
     /// Keeps the estimate that a stream is scheduled by, to be corrected by what is measured.
     pub(super) fn remember(&mut self, stream: RayStream<'_>, work: &[Work]) {
         let rays = stream.tasks.iter().map(|t| t.rays).collect();
-        let new = Past { kind: stream.kind, part: stream.part, rays, work: work.to_vec(), misses: Misses::default() };
-        match self.past.iter_mut().find(|past| (past.kind, past.part) == (stream.kind, stream.part)) {
+        let new = Past { kind: stream.kind, wave: stream.wave, rays, work: work.to_vec(), misses: Misses::default() };
+        match self.past.iter_mut().find(|past| (past.kind, past.wave) == (stream.kind, stream.wave)) {
             Some(old) => *old = new,
             None => self.past.push(new),
         }
@@ -91,7 +91,7 @@ impl CostEstimator for History {
     fn learn(&mut self, launch: &LaunchRecord<'_>) {
         self.inner.learn(launch);
         let Some(past) =
-            self.past.iter_mut().find(|past| (past.kind, past.part) == (launch.stream.kind, launch.stream.part))
+            self.past.iter_mut().find(|past| (past.kind, past.wave) == (launch.stream.kind, launch.stream.wave))
         else {
             return;
         };

@@ -41,8 +41,8 @@ impl Price {
     }
 }
 
-/// What the host does for a sample, before it was measured: some 20 ns and 0.3 µs (`--bin coverage`), where rays take a quarter
-/// of a microsecond to one.
+/// What the host does for a sample, before it was measured: some 20 ns and 0.3 µs (`--bin coverage`), where rays take a
+/// quarter of a microsecond to one.
 const ASSUMED_HOST: [f64; 2] = [0.1, 0.4];
 
 /// Weight of the newest measurement: on a shared machine single ones are off by some ten percent.

@@ -10,19 +10,20 @@ use rt_core::{CostEstimator, CountsToken, Observation, RayStream, ReducedWalk, S
 /// the counts are exact and the hits of the sampled rays are kept, so sampling costs little on a processor where the
 /// triangles are cheap.
 ///
-/// Where rays are incoherent, each task's mean is shrunk towards those of the tasks beside it, as far as it is uncertain and
-/// they are alike (empirical Bayes; B. Efron and C. Morris, *Stein's Estimation Rule and Its Competitors*, 1973). From 1 in 64
-/// diffuse rays of yard, backyard, car and conference that brings the mean error from 18, 15, 22 and 9% to 12, 11, 16 and 7%,
-/// and from 1 in 256 from 32, 28, 41 and 18% to 19, 19, 28 and 11% (`--bin coverage`). Where they are coherent it is not done:
-/// samples spread evenly err by 2% there, and neighbours by 20%. The same shrinkage made errors larger from 1 in 64 to 1 in 256
-/// rays, and even the best fixed weight in hindsight would take less than a tenth off them.
+/// Where rays are incoherent, each task's mean is shrunk towards those of the tasks beside it, as far as it is
+/// uncertain and they are alike (empirical Bayes; B. Efron and C. Morris, *Stein's Estimation Rule and Its
+/// Competitors*, 1973). From 1 in 64 diffuse rays of yard, backyard, car and conference that brings the mean error from
+/// 18, 15, 22 and 9% to 12, 11, 16 and 7%, and from 1 in 256 from 32, 28, 41 and 18% to 19, 19, 28 and 11%
+/// (`--bin coverage`). Where they are coherent it is not done: samples spread evenly err by 2% there, and neighbours by
+/// 20%. The same shrinkage made errors larger from 1 in 64 to 1 in 256 rays, and even the best fixed weight in
+/// hindsight would take less than a tenth off them.
 ///
 /// The standard error of a task's tests is that of its sample: for random samples that of simple random sampling
-/// without replacement (W. Cochran, *Sampling Techniques*, 1977, 2.6), for strided ones from successive differences
-/// (K. Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2), both
-/// with the finite population correction; what neighbours take away of it is left out. Both borrow from the samples around them, so that a sample that met no dear
-/// ray does not claim to be certain; there is none where the whole stream has too few. How often intervals hold on real
-/// scenes: docs/results/robustness.md.
+/// without replacement (W. Cochran, *Sampling Techniques*, 1977, 2.6), for strided ones from successive differences (K.
+/// Wolter, *An Investigation of Some Estimators of Variance for Systematic Sampling*, 1984, estimator 2), both with the
+/// finite population correction; what neighbours take away of it is left out. Both borrow from the samples around them,
+/// so that a sample that met no expensive ray does not claim to be certain; there is none where the whole stream has
+/// too few. How often intervals hold on real scenes: docs/results/robustness.md.
 #[derive(Clone, Debug)]
 pub struct Sampled {
     walk: Walk,

@@ -1,14 +1,14 @@
 //! Longest processing time first.
 
 use super::loads::{FEW, Loads, SortedLoads, WinnerTree};
-use super::{Policy, dearest_first, mean_model, seconds, total};
+use super::{Policy, mean_model, most_expensive_first, seconds, total};
 use crate::Schedule;
 use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
 use rt_core::{CostModel, TaskId, Work};
 
-/// Longest processing time first: the dearest remaining task goes to the device that would finish it first.
+/// Longest processing time first: the most expensive remaining task goes to the device that would finish it first.
 ///
 /// R. L. Graham, *Bounds on Multiprocessing Timing Anomalies* (1969): at most `4/3 − 1/(3m)` times the best makespan
 /// on `m` equal devices. For devices of different cost models, tasks are sorted by their mean seconds over all
@@ -19,8 +19,8 @@ use rt_core::{CostModel, TaskId, Work};
 /// cost models.
 ///
 /// Seconds are counted in whole units: sums are exact whatever their order, and scaling all costs by a power of two
-/// changes nothing. A unit is about 2⁻⁵⁰ of the total, or 2⁻³¹ of the dearest task where all devices are equal. Costs
-/// that differ by less than 2⁻¹⁹ of the dearest may count as ties in the order of the tasks.
+/// changes nothing. A unit is about 2⁻⁵⁰ of the total, or 2⁻³¹ of the most expensive task where all devices are equal.
+/// Costs that differ by less than 2⁻¹⁹ of the most expensive may count as ties in the order of the tasks.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Lpt;
 
@@ -52,7 +52,7 @@ fn equal(work: &[Work], devices: usize, model: &CostModel) -> Schedule {
 }
 
 fn deal<L: Loads>(work: &[Work], devices: usize, model: &CostModel, mut loads: L) -> Schedule {
-    let ranking = dearest_first(work.iter().map(|w| model.seconds(w)));
+    let ranking = most_expensive_first(work.iter().map(|w| model.seconds(w)));
     let bits = bits_for(devices);
     let mask = (1 << bits) - 1;
     // An eighth more than the mean, so that few lists grow and little memory is wasted.
@@ -92,7 +92,7 @@ fn unequal(work: &[Work], devices: &[CostModel], classes: &Classes) -> Schedule 
     // Beside the units, in which a device that is much faster than another counts coarsely.
     let mut seconds_of = vec![0.0; devices.len()];
     let mut prices = Vec::with_capacity(AHEAD * classes.models.len());
-    for tasks in dearest_first(work.iter().map(|w| seconds(&mean, &w.parts()))).order.chunks(AHEAD) {
+    for tasks in most_expensive_first(work.iter().map(|w| seconds(&mean, &w.parts()))).order.chunks(AHEAD) {
         prices.clear();
         for task in tasks {
             let work = &work[task.task() as usize];

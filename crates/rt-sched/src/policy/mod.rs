@@ -7,7 +7,7 @@ mod rank;
 
 pub use lpt::Lpt;
 pub(crate) use price::{mean_model, seconds, total};
-pub(crate) use rank::dearest_first;
+pub(crate) use rank::most_expensive_first;
 
 use crate::Schedule;
 use crate::schedule::list_seconds;
@@ -29,7 +29,7 @@ pub trait Policy: Debug + Send + Sync {
 
 /// Contiguous blocks of equal task count, in stream order: what needs no estimate and no thought.
 ///
-/// Cost is spatially correlated, so a device may get all of the dear part; it ignores speeds, too.
+/// Cost is spatially correlated, so a device may get all of the expensive part; it ignores speeds, too.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Block;
 

@@ -3,10 +3,11 @@
 use alloc::vec;
 use alloc::vec::Vec;
 
-/// A task's cost and number in one word, such that smaller words are dearer tasks, ties the lower number.
+/// A task's cost and number in one word, such that smaller words are more expensive tasks, ties the lower number.
 ///
-/// The cost is in 32-bit fixed point. An error of 2⁻³² of the dearest task is far below what any estimate knows, and fixed point spreads tasks evenly over the sort's buckets where floating point would
-/// crowd them into a few exponents.
+/// The cost is in 32-bit fixed point. An error of 2⁻³² of the most expensive task is far below what any estimate knows,
+/// and fixed point spreads tasks evenly over the sort's buckets where floating point would crowd them into a few
+/// exponents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Ranked(u64);
 
@@ -29,7 +30,7 @@ impl Ranked {
 #[derive(Debug)]
 pub(crate) struct Ranking {
     pub(crate) order: Vec<Ranked>,
-    /// What [`Ranked::share`] counts: a power of two, at least the dearest cost divided by 2³².
+    /// What [`Ranked::share`] counts: a power of two, at least the most expensive cost divided by 2³².
     pub(crate) unit: f64,
 }
 
@@ -42,15 +43,16 @@ const BUCKETS: usize = 1 << DIGIT;
 /// Below this many tasks, clearing histograms costs more than a comparison sort.
 const SMALL: usize = 512;
 
-/// Ranks tasks `0..costs.len()`. Costs must be ≥ 0; those that differ by less than 2⁻¹⁹ of the dearest may count as ties.
+/// Ranks tasks `0..costs.len()`. Costs must be ≥ 0; those that differ by less than 2⁻¹⁹ of the most expensive may count
+/// as ties.
 ///
 /// A radix sort from the least significant digit, in which a digit that all tasks share is skipped: uniform work is
 /// never moved.
-pub(crate) fn dearest_first(costs: impl Iterator<Item = f64> + Clone) -> Ranking {
-    let dearest = costs.clone().fold(0.0, |most, cost| if cost > most { cost } else { most });
+pub(crate) fn most_expensive_first(costs: impl Iterator<Item = f64> + Clone) -> Ranking {
+    let highest = costs.clone().fold(0.0, |most, cost| if cost > most { cost } else { most });
     // A power of two, so that whole multiples of a unit stay exact. Costs beyond f64 count as `u32::MAX` units; the
     // cast takes what is not a number for 0.
-    let (_, exponent) = libm::frexp(if dearest.is_finite() { dearest } else { f64::MAX });
+    let (_, exponent) = libm::frexp(if highest.is_finite() { highest } else { f64::MAX });
     let scale = libm::ldexp(1.0, (32 - exponent).min(1_000));
     let ranked = (0..).zip(costs).map(|(task, cost)| Ranked::new((cost * scale + 0.5) as u32, task));
     let order = sort(ranked.collect());
@@ -100,12 +102,12 @@ mod tests {
         fn sorts_like_a_stable_comparison_sort(
             costs in prop::collection::vec(prop_oneof![0_u32..1 << 20, Just(0), Just(7)], 1..2_000)
         ) {
-            // Steps of 2⁻²⁰ of the dearest, so that every difference counts.
+            // Steps of 2⁻²⁰ of the most expensive, so that every difference counts.
             let mut costs: Vec<f64> = costs.into_iter().map(f64::from).collect();
             costs[0] = 1_048_575.0;
             let mut expected: Vec<u32> = (0..costs.len() as u32).collect();
             expected.sort_by(|&a, &b| costs[b as usize].total_cmp(&costs[a as usize]));
-            let Ranking { order, unit } = dearest_first(costs.iter().copied());
+            let Ranking { order, unit } = most_expensive_first(costs.iter().copied());
             prop_assert!(order.iter().all(|r| (f64::from(r.share()) * unit - costs[r.task() as usize]).abs() < 1e-3));
             let order: Vec<u32> = order.into_iter().map(Ranked::task).collect();
             prop_assert_eq!(order, expected);

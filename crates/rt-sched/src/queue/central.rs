@@ -5,7 +5,7 @@ use super::ledger::Ledger;
 use super::pace::Paces;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
-use crate::policy::{dearest_first, mean_model, seconds};
+use crate::policy::{mean_model, most_expensive_first, seconds};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use rt_core::{CostModel, TaskId, Work};
@@ -13,8 +13,8 @@ use rt_core::{CostModel, TaskId, Work};
 /// A central queue: whoever is free takes the most expensive task that is left, one task per launch.
 ///
 /// Tasks are sorted by decreasing mean seconds over the devices, ties by number, so uniform work comes first in first
-/// out. A device leaves to a faster one what that ends sooner even after all else, and takes no second launch when one lasts
-/// until all will be done. Balances best where tasks are few, and pays one launch for each.
+/// out. A device leaves to a faster one what that ends sooner even after all else, and takes no second launch when one
+/// lasts until all will be done. Balances best where tasks are few, and pays one launch for each.
 #[derive(Debug)]
 pub struct CentralQueue {
     order: Box<[TaskId]>,
@@ -28,7 +28,7 @@ impl CentralQueue {
     #[must_use]
     pub fn new(work: &[Work], devices: &[CostModel]) -> Self {
         let mean = mean_model(devices);
-        let ranking = dearest_first(work.iter().map(|w| seconds(&mean, &w.parts())));
+        let ranking = most_expensive_first(work.iter().map(|w| seconds(&mean, &w.parts())));
         Self::with_order(ranking.order.into_iter().map(|ranked| ranked.task()).collect(), work, devices)
     }
 

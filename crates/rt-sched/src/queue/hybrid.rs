@@ -12,10 +12,10 @@ use rt_core::{CostModel, TaskId, Work};
 
 /// Share of a device's list that its next launch takes, without a unit, where costs are known.
 ///
-/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of a
-/// list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to mend
-/// bad estimates (simulated: 8 devices, 1,024 tasks, error 30%, excess 0.67, 1.2 and 2.5%; with one launch in flight 0.51,
-/// 0.47 and 0.85%). Smaller shares only add launches.
+/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of
+/// a list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to
+/// mend bad estimates (simulated: 8 devices, 1,024 tasks, error 30%, excess 0.67, 1.2 and 2.5%; with one launch in
+/// flight 0.51, 0.47 and 0.85%). Smaller shares only add launches.
 const LAUNCH_SHARE: f64 = 1.0 / 3.0;
 
 /// The same where costs are not known: one of several launches may be far more expensive than was thought.
@@ -23,11 +23,12 @@ const CAUTIOUS_SHARE: f64 = 1.0 / 12.0;
 
 /// Share of the stream that a device's first launches take, in its predicted share, without a unit.
 ///
-/// Speeds are predicted from few samples or from other streams, and may be wrong by a factor. A device that is a twentieth
-/// as fast as was thought would be alone with its first launches at the end.
+/// Speeds are predicted from few samples or from other streams, and may be wrong by a factor. A device that is a
+/// twentieth as fast as was thought would be alone with its first launches at the end.
 const FIRST: f64 = 1.0 / 256.0;
 
-/// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on a processor.
+/// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on
+/// a processor.
 const NEIGHBOURS: usize = 16;
 
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
@@ -38,18 +39,19 @@ const VICTIMS: usize = 32;
 
 /// Hybrid queues: each device works through its own list in shrinking launches, and steals when it runs dry.
 ///
-/// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing*
-/// (1998), who start from a static assignment and correct it while it runs. Speeds are predicted first, and believed until
-/// what devices have finished contradicts them.
+/// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing* (1998),
+/// who start from a static assignment and correct it while it runs. Speeds are predicted first, and believed until what
+/// devices have finished contradicts them.
 ///
-/// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (a twelfth where
-/// costs are not known), begins small and grows with what the device has finished, but is no less than a launch costs. A
-/// device with an empty list steals from the one that would end last, from the end of its list, where an LPT list has its
-/// smallest tasks: those that it would itself end no later. Where it would overrun the schedule, a device leaves to a faster
-/// one what that ends sooner even after all else, and takes no second launch when one lasts until all will be done.
+/// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (a twelfth
+/// where costs are not known), begins small and grows with what the device has finished, but is no less than a launch
+/// costs. A device with an empty list steals from the one that would end last, from the end of its list, where an LPT
+/// list has its smallest tasks: those that it would itself end no later. Where it would overrun the schedule, a device
+/// leaves to a faster one what that ends sooner even after all else, and takes no second launch when one lasts until
+/// all will be done.
 ///
-/// So with exact costs and speeds a run takes no longer than its schedule says, but for launches: no step puts off the last end.
-/// What a lost device leaves behind goes to whoever is idle.
+/// So with exact costs and speeds a run takes no longer than its schedule says, but for launches: no step puts off the
+/// last end. What a lost device leaves behind goes to whoever is idle.
 #[derive(Debug)]
 pub struct HybridQueue {
     slots: Slots,
@@ -71,11 +73,12 @@ struct Launching {
     first: f64,
 }
 
-/// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is known
-/// of them, so a launch of neighbours may be several times as expensive as another, and says nothing of a device's speed.
+/// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is
+/// known of them, so a launch of neighbours may be several times as expensive as another, and says nothing of a
+/// device's speed.
 ///
-/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical inverse of
-/// J. van der Corput (1935).
+/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical
+/// inverse of J. van der Corput (1935).
 fn spread(list: &[TaskId], work: &[Work]) -> Vec<TaskId> {
     let of = |task: TaskId| work.get(task as usize);
     let mut out = Vec::with_capacity(list.len());
@@ -173,8 +176,8 @@ impl HybridQueue {
         (end - low) as u32
     }
 
-    /// Takes a share of the tasks of the device that would end last, among some of those that have any; if it `must`, of all
-    /// devices, and at least one task.
+    /// Takes a share of the tasks of the device that would end last, among some of those that have any; if it `must`,
+    /// of all devices, and at least one task.
     fn steal(&self, thief: usize, must: bool) -> Option<Range<u32>> {
         let own = self.paces.of(thief);
         loop {

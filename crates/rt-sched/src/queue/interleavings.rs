@@ -1,5 +1,5 @@
-//! Every interleaving of two or three devices on small queues, by loom (its `AUTHORS`: an implementation of B. Norris and
-//! B. Demsky, *CDSChecker: Checking Concurrent Data Structures Written with C/C++ Atomics*, 2013).
+//! Every interleaving of two or three devices on small queues, by loom (its `AUTHORS`: an implementation of B. Norris
+//! and B. Demsky, *CDSChecker: Checking Concurrent Data Structures Written with C/C++ Atomics*, 2013).
 
 use super::{CentralQueue, HybridQueue, Pop, StaticQueue, TaskQueue};
 use crate::policy::{Block, Policy};
@@ -64,8 +64,8 @@ fn explore(make: Make, tasks: usize, devices: usize, lost: Option<usize>) {
             .collect();
         let mut finished = device(&**queue, 0, lost == Some(0));
         finished.extend(threads.into_iter().flat_map(|thread| thread.join().expect("no panic")));
-        // Whoever is left does the rest: what a lost device, or one that gave up waiting, left behind. All are asked, as
-        // queues are promised: one may wait for another.
+        // Whoever is left does the rest: what a lost device, or one that gave up waiting, left behind. All are asked,
+        // as queues are promised: one may wait for another.
         let last = usize::from(lost == Some(0));
         for _ in 0..=tasks {
             (0..devices).for_each(|d| finished.extend(device(&**queue, d, false)));

@@ -2,8 +2,8 @@
 
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
-use crate::blind;
 use crate::policy::{Policy, mean_model};
+use crate::uninformed;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt::Debug;
@@ -42,11 +42,12 @@ pub trait QueueMaker: Debug + Send + Sync {
     /// A queue of all tasks of a stream.
     fn make(&self, dealt: Dealt<'_>) -> Box<dyn TaskQueue>;
 
-    /// What a stream of `tasks` tasks is expected to lose on `devices` devices when nothing is estimated, as a share of its
-    /// makespan. `unequal` says how unlike the devices are: the mean of their speeds over the least one, 1 where all are alike.
+    /// What a stream of `tasks` tasks is expected to lose on `devices` devices when nothing is estimated, as a share of
+    /// its makespan. `unequal` says how unlike the devices are: the mean of their speeds over the least one, 1 where
+    /// all are alike.
     ///
     /// A queue that cannot tell says 1, and estimators that ask whether they pay take it that they do.
-    fn blind_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
+    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
         let _ = (tasks, devices, unequal);
         1.0
     }
@@ -114,12 +115,12 @@ impl QueueMaker for QueueKind {
         }
     }
 
-    fn blind_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
+    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
         match self {
             Self::Static if unequal > 1.0 => 1.0,
-            Self::Static => blind::fixed_excess(tasks, devices),
-            Self::Central => unequal * blind::central_excess(tasks, devices),
-            Self::Hybrid => unequal * blind::hybrid_excess(tasks, devices),
+            Self::Static => uninformed::fixed_excess(tasks, devices),
+            Self::Central => unequal * uninformed::central_excess(tasks, devices),
+            Self::Hybrid => unequal * uninformed::hybrid_excess(tasks, devices),
         }
     }
 }
@@ -153,7 +154,8 @@ mod tests {
 
     /// Whatever the policy, every queue hands out every task.
     ///
-    /// Mutants: `Needs` of two queues exchanged; a queue without the last list; the central queue in the order of the tasks.
+    /// Mutants: `Needs` of two queues exchanged; a queue without the last list; the central queue in the order of the
+    /// tasks.
     #[test]
     fn any_policy_goes_with_any_queue() {
         let (work, models) = costs();

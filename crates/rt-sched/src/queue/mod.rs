@@ -68,8 +68,8 @@ pub trait TaskQueue: Debug + Send + Sync {
     /// with tasks of a `pop` that overlapped the first call.
     fn retire(&self, device: usize, unfinished: &[TaskId]);
 
-    /// Says that a retired device is back: it was late, not lost. What it had in flight may have been handed out again; from
-    /// now on it may pop again.
+    /// Says that a retired device is back: it was late, not lost. What it had in flight may have been handed out again;
+    /// from now on it may pop again.
     ///
     /// A queue that leaves this out gives the device nothing more, which costs speed and no result.
     fn readmit(&self, device: usize) {

@@ -3,24 +3,25 @@
 use super::ledger::Ledger;
 use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
-// Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they are.
+// Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
+// are.
 use crate::policy::{seconds, total};
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
 
-/// Standard deviation of a task's cost about what is known of it, as a share of that: in pictures that we know, where most
-/// tasks are said to cost the same, which means that nothing is known.
+/// Standard deviation of a task's cost about what is known of it, as a share of that: in pictures that we know, where
+/// most tasks are said to cost the same, which means that nothing is known.
 const UNKNOWN: f64 = 1.0;
 
 /// The same where costs were estimated by someone who does not say how well.
 const UNSAID: f64 = 0.25;
 
-/// How many standard deviations the next task may exceed what is known of it, and how many what a device has finished may
-/// deviate, before that counts. In pictures the most expensive task is some five times the mean.
+/// How many standard deviations the next task may exceed what is known of it, and how many what a device has finished
+/// may deviate, before that counts. In pictures the most expensive task is some five times the mean.
 const NEXT: f64 = 4.0;
 const FINISHED: f64 = 2.0;
 
-/// How much faster another device must be for a device to leave it a task, without a unit: equal devices, whose speeds are
-/// found to differ by a little, must not wait for one another.
+/// How much faster another device must be for a device to leave it a task, without a unit: equal devices, whose speeds
+/// are found to differ by a little, must not wait for one another.
 const FASTER: f64 = 1.5;
 
 /// How much of what a device has in flight it has probably done, without a unit: half of the older of two launches.
@@ -34,12 +35,12 @@ const ROUNDING: f64 = 1e-6;
 
 /// What each device was expected to do, has done and has in flight: how fast it is, and when it will end.
 ///
-/// A queue knows no time. But all devices begin together, so the one that is furthest beside what was predicted of it tells what
-/// time it is at least: the seconds that it was predicted to need for what it has finished. Another device that has not come
-/// as far as it should, even if all that it has in flight were finished in this moment, is slower than predicted, and then it
-/// is as fast as what it finished, and half of what it has in flight, says. As long as nothing contradicts a prediction it is
-/// believed: whoever is in the middle of a long launch does not look slow. Waiting for a task is no sign of being slow either:
-/// that time is left out.
+/// A queue knows no time. But all devices begin together, so the one that is furthest beside what was predicted of it
+/// tells what time it is at least: the seconds that it was predicted to need for what it has finished. Another device
+/// that has not come as far as it should, even if all that it has in flight were finished in this moment, is slower
+/// than predicted, and then it is as fast as what it finished, and half of what it has in flight, says. As long as
+/// nothing contradicts a prediction it is believed: whoever is in the middle of a long launch does not look slow.
+/// Waiting for a task is no sign of being slow either: that time is left out.
 ///
 /// Times are in seconds of the predictions. They may all be wrong by one factor, such as before anything was measured.
 #[derive(Debug)]
@@ -96,8 +97,8 @@ pub(crate) struct Found {
 
 /// All devices together, as they were found a moment ago.
 ///
-/// They are looked at anew after every [`Overview::OFTEN`]th part of as many calls as there are devices, so that a call takes
-/// the same time however many there are.
+/// They are looked at anew after every [`Overview::OFTEN`]th part of as many calls as there are devices, so that a call
+/// takes the same time however many there are.
 #[derive(Debug)]
 struct Overview {
     calls: AtomicUsize,
@@ -255,8 +256,8 @@ impl Paces {
         Found { speed, until }
     }
 
-    /// By how much a speed that was found may be too low or too high, as a factor: tasks that follow each other are alike, so
-    /// that a device may have had cheap ones only.
+    /// By how much a speed that was found may be too low or too high, as a factor: tasks that follow each other are
+    /// alike, so that a device may have had cheap ones only.
     pub(crate) fn range(&self, device: usize) -> f64 {
         let pace = &self.devices[device];
         let done = share(&pace.done) + BEGUN * share(&pace.flying);
@@ -296,11 +297,11 @@ impl Paces {
         fastest[1].store(f64::to_bits(second), Relaxed);
     }
 
-    /// Whether a device should take anything now, of which the next task would be `next`. A schedule that is to be kept has
-    /// every device end by `plan` seconds.
+    /// Whether a device should take anything now, of which the next task would be `next`. A schedule that is to be kept
+    /// has every device end by `plan` seconds.
     ///
-    /// It should not where it has enough in flight until all will be done, and where a faster device would end the next task
-    /// sooner, even after all else.
+    /// It should not where it has enough in flight until all will be done, and where a faster device would end the next
+    /// task sooner, even after all else.
     pub(crate) fn may_take(&self, device: usize, next: Option<TaskId>, plan: f64, ledger: &Ledger) -> bool {
         let now = self.now();
         let (own, together) = (self.of(device), self.together(ledger));
@@ -322,8 +323,8 @@ impl Paces {
             || caution * (own.until - now) + next / own.speed <= left / others + next / fastest
     }
 
-    /// Whether nothing is in flight, and every device was told to wait: then the one that asks must take what there is, or
-    /// nothing will ever free a task.
+    /// Whether nothing is in flight, and every device was told to wait: then the one that asks must take what there is,
+    /// or nothing will ever free a task.
     pub(crate) fn do_all_wait(&self, ledger: &Ledger) -> bool {
         // The order of all, so that of two devices that are told at once one sees the other.
         let events = self.events.load(SeqCst);

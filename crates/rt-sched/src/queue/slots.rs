@@ -18,7 +18,8 @@ use rt_core::TaskId;
 pub(crate) struct Slots {
     order: Box<[TaskId]>,
     ranges: Box<[Slot]>,
-    /// A bit for each device whose range may not be empty. Only a hint: who relies on nothing being left looks at the ranges.
+    /// A bit for each device whose range may not be empty. Only a hint: who relies on nothing being left looks at the
+    /// ranges.
     hints: Box<[hint::AtomicU64]>,
 }
 

@@ -358,9 +358,9 @@ fn strange_calls_are_harmless() {
         }
     }
     let huge = vec![Work::new(f32::MAX, f32::MAX, f32::MAX); 9];
-    let dear = vec![CostModel::new(f64::MAX, f64::MAX, f64::MAX, f64::MAX).expect("valid"); 2];
-    for (_, queue) in queues(&huge, &dear) {
-        Run::new(&*queue, huge.len(), dear.len()).drain();
+    let expensive = vec![CostModel::new(f64::MAX, f64::MAX, f64::MAX, f64::MAX).expect("valid"); 2];
+    for (_, queue) in queues(&huge, &expensive) {
+        Run::new(&*queue, huge.len(), expensive.len()).drain();
     }
 }
 
@@ -408,7 +408,8 @@ fn launches_have_the_promised_sizes() {
 
 /// A slow device leaves the last task to a much faster one that lives, and takes it from one that is lost.
 ///
-/// Mutants: `loot` that compares no ends; `steal` that does not ask whether the victim is retired; `do_all_wait` that is always true.
+/// Mutants: `loot` that compares no ends; `steal` that does not ask whether the victim is retired; `do_all_wait` that
+/// is always true.
 #[test]
 fn a_slow_device_takes_the_last_task_only_from_the_lost() {
     let (work, devices) = (works(&[5.0; 2]), models(&[0.05, 1.0]));

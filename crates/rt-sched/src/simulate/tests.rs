@@ -23,8 +23,8 @@ pub(super) fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn
 
 const NAMES: [&str; 6] = ["block", "round robin", "lpt", "fifo", "central", "hybrid"];
 
-/// Costs of the tasks of an image in Z-curve order, as images have them: a dear object, a gradient, and fine detail.
-/// They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
+/// Costs of the tasks of an image in Z-curve order, as images have them: an expensive object, a gradient, and fine
+/// detail. They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
 pub(super) fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
     let side = f64::from(n.next_power_of_two()).sqrt();
     let [cx, cy] = random::pair(seed, 0, 7).map(|c| 0.25 + 0.5 * f64::from(c));
@@ -57,8 +57,8 @@ pub(super) fn models(speeds: &[f64]) -> Vec<CostModel> {
 /// Number of images whose excess is averaged.
 const IMAGES: u32 = 5;
 
-/// Mean excess over the lower bound, in percent, and mean number of launches of all devices together, where devices were
-/// predicted to have other speeds than they have.
+/// Mean excess over the lower bound, in percent, and mean number of launches of all devices together, where devices
+/// were predicted to have other speeds than they have.
 fn simulated(name: &str, predicted: &[f64], speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> [f64; 2] {
     let devices = models(predicted);
     let one = |seed| {
@@ -118,7 +118,8 @@ fn hybrid_stays_within_one_percent() {
                 eprintln!("  {name}: {good:.2} ({bad:.2})");
             }
             let [good, bad] = row[5];
-            // With one launch in flight some 35 launches of 10 µs each, none of them hidden, are 0.8% of the shortest frame.
+            // With one launch in flight some 35 launches of 10 µs each, none of them hidden, are 0.8% of the shortest
+            // frame.
             let limits = match (n, in_flight) {
                 (64, _) => [1.0, 2.0],
                 (_, 1) => [1.0, 1.1],
@@ -132,11 +133,11 @@ fn hybrid_stays_within_one_percent() {
     }
 }
 
-/// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of the
-/// dearest, sets a bound of its own. `--nocapture` shows the table.
+/// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of
+/// the most expensive, sets a bound of its own. `--nocapture` shows the table.
 ///
-/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted speed;
-/// `fair` that is infinite; `finish` without its sum.
+/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted
+/// speed; `fair` that is infinite; `finish` without its sum.
 #[test]
 fn misjudged_speeds_are_found_out() {
     let rows: [(&[f64], [f64; 2]); 5] = [
@@ -166,7 +167,7 @@ fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
 
 /// Mutant: a device that takes both its launches before the next one takes any.
 #[test]
-fn the_dearest_tasks_go_to_different_devices() {
+fn the_most_expensive_tasks_go_to_different_devices() {
     let costs = [3.0, 3.0, 3.0, 1.0];
     let work: Vec<Work> = costs.iter().map(|&c| Work::new(0.0, c as f32, 0.0)).collect();
     let queue = CentralQueue::new(&work, &[CostModel::UNIT; 3]);
@@ -241,11 +242,11 @@ fn exact() -> impl Strategy<Value = (Vec<Work>, Vec<CostModel>)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(10_000))]
 
-    /// Whoever knows all cannot lose by stealing: with exact costs and speeds no run takes longer than its schedule, but
-    /// for a launch.
+    /// Whoever knows all cannot lose by stealing: with exact costs and speeds no run takes longer than its schedule,
+    /// but for a launch.
     ///
-    /// Mutants: `loot` that takes half, or one task more; `steal` from the device with the longest list; `Paces::wait` that
-    /// forgets since when; `of` that takes `done` for the speed, so that whoever is in a long launch looks slow.
+    /// Mutants: `loot` that takes half, or one task more; `steal` from the device with the longest list; `Paces::wait`
+    /// that forgets since when; `of` that takes `done` for the speed, so that whoever is in a long launch looks slow.
     #[test]
     fn nothing_is_lost_by_stealing((work, devices) in exact()) {
         let schedule = Lpt.schedule(&work, &devices);

@@ -9,7 +9,7 @@ fn slow(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     // G. Marsaglia, Xorshift RNGs (2003): no compiler finds a short cut, and 0 is never reached.
-    var state = work.count | 1u;
+    var state = list.count | 1u;
     for (var round = 0u; round < ROUNDS; round += 1u) {
         state ^= state << 13u;
         state ^= state >> 17u;

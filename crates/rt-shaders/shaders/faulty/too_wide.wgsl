@@ -2,7 +2,7 @@
 
 @compute @workgroup_size(16384)
 fn too_wide(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x < work.count {
+    if id.x < list.count {
         found[id.x] = MISS;
     }
 }

@@ -23,10 +23,7 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     for (i, exam) in exams.iter().enumerate() {
         trial.advance(i as f64 / exams.len() as f64)?;
         let mut primitives = Tally::new(NAME, format!("triangles, {}", exam.name), Promise::Agreement);
-        if !trial.exact {
-            let ambiguous = exam.verdicts.iter().filter(|verdict| verdict.is_ambiguous()).count();
-            primitives.note(format!("{ambiguous} rays are ambiguous"));
-        }
+        primitives.note(exam.ambiguity());
         match trial.trace(&exam.scene, &exam.rays, Query::Closest) {
             Ok(hits) => {
                 for ((hit, verdict), (ray, _)) in hits.iter().zip(&exam.verdicts).zip(&exam.rays) {

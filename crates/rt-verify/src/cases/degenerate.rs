@@ -67,8 +67,8 @@ pub(super) fn ties(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped
     Ok(())
 }
 
-/// Triangles and rays of small whole numbers: rays run along edges, through corners and in planes, and many hits are exactly as
-/// near. The lowest id of the nearest wins, whatever the others' rounding.
+/// Triangles and rays of small whole numbers: rays run along edges, through corners and in planes, and many hits are
+/// exactly as near. The lowest id of the nearest wins, whatever the others' rounding.
 fn lattice(trial: &Trial<'_>) -> Row {
     let options = trial.options();
     let mut tally = Tally::new(TIES, "whole numbers", Promise::Ties);
@@ -89,8 +89,8 @@ fn lattice(trial: &Trial<'_>) -> Row {
 /// The cells of the plane that ties are made on, along each side.
 const SIDE: u32 = 8;
 
-/// Layers in one plane, cut in three ways. Coordinates are dyadic and rays run along an axis: all arithmetic is exact, so
-/// every tracer sees the same ties.
+/// Layers in one plane, cut in three ways. Coordinates are dyadic and rays run along an axis: all arithmetic is exact,
+/// so every tracer sees the same ties.
 fn coplanar(trial: &Trial<'_>) -> Row {
     let options = trial.options();
     let mut tally = Tally::new(TIES, "coplanar layers", Promise::Ties);

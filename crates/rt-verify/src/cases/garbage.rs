@@ -161,8 +161,8 @@ fn one(trial: &Trial<'_>, kind: Kind, number: u32, refused: &mut u32) -> Option<
     }
 }
 
-/// Rays of the same garbage, some of them at triangles. Each answer must be the right one; of tracers that do not promise that, a
-/// miss, or a hit within the ray's limits on a triangle that exists.
+/// Rays of the same garbage, some of them at triangles. Each answer must be the right one; of tracers that do not
+/// promise that, a miss, or a hit within the ray's limits on a triangle that exists.
 fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built, triangles: &[Triangle]) -> Option<String> {
     let seed = word(trial.options().seed, number, 97);
     let rays: Vec<(Ray, u32)> = (0..RAYS)

@@ -166,8 +166,8 @@ fn limits(trial: &Trial<'_>, tally: &mut Tally, behind: bool) {
     }
 }
 
-/// Origins exactly on triangles, in them, on their edges and at their corners: with `tmin` at 0 they are hit at 0, and beyond that
-/// not. Coordinates are few bits each, so that single precision can say such origins.
+/// Origins exactly on triangles, in them, on their edges and at their corners: with `tmin` at 0 they are hit at 0, and
+/// beyond that not. Coordinates are few bits each, so that single precision can say such origins.
 fn at_zero(trial: &Trial<'_>) -> Row {
     let options = trial.options();
     let mut tally = Tally::new(LIMITS, "origins on triangles", Promise::Agreement);

@@ -35,8 +35,8 @@ pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped>
     Ok(())
 }
 
-/// A ray at or beside a random triangle, from near by as the triangle measures it, or in multiples of `unit`; `None` where its
-/// numbers would overflow.
+/// A ray at or beside a random triangle, from near by as the triangle measures it, or in multiples of `unit`; `None`
+/// where its numbers would overflow.
 fn near(triangles: &[Triangle], unit: Option<f32>, seed: u32, index: u32) -> Option<(Ray, u32)> {
     let triangle = &triangles[random::below(triangles.len() as u32, seed, index, 20) as usize];
     let [a, b, c] = triangle.vertices();

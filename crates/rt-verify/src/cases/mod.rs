@@ -52,8 +52,8 @@ pub(crate) const ALL: [Case; 16] = [
     Case { name: layout::NAME, weight: 2.0, run: layout::run },
 ];
 
-/// Traces an exam and counts the nearest hits that are not right; of tracers that do not promise exact ones, those that the
-/// reference does not admit, whatever their distance.
+/// Traces an exam and counts the nearest hits that are not right; of tracers that do not promise exact ones, those that
+/// the reference does not admit, whatever their distance.
 fn judge_nearest(trial: &Trial<'_>, exam: &Exam, tally: &mut Tally) {
     match trial.trace(&exam.scene, &exam.rays, Query::Closest) {
         Ok(hits) => {

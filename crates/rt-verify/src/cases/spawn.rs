@@ -56,7 +56,8 @@ impl Surface {
 pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped> {
     let models = &trial.suite.models;
     let lines = (CONVEX.len() + models.len()) as f64;
-    // All lines together trace 50 times fewer than there are rays at closed surfaces in all 24 lines, so 10⁷ for 1.6·10⁸.
+    // All lines together trace 50 times fewer than there are rays at closed surfaces in all 24 lines, so 10⁷ for
+    // 1.6·10⁸.
     let each = (f64::from(trial.options().rays()) * 1.5 / lines) as u32 + 1;
     for (i, (solid, offset)) in CONVEX.into_iter().enumerate() {
         let closed = Closed::solid(solid, Vec3::new(offset, -offset, offset));

@@ -17,15 +17,15 @@ pub(super) const NAME: &str = "trees";
 const EQUAL: u32 = 100_000;
 const LINKS: u32 = 2_000;
 
-/// Powers of ten from the smallest to the largest link. A scene is scaled so that its largest coordinate is about 1; what is
-/// then below 10⁻³⁸ is subnormal and loses digits, so 30 leave some room.
+/// Powers of ten from the smallest to the largest link. A scene is scaled so that its largest coordinate is about 1;
+/// what is then below 10⁻³⁸ is subnormal and loses digits, so 30 leave some room.
 const DECADES: f32 = 30.0;
 
 /// How much longer than a soup of the same size a bad mesh may take to build.
 const SLOWER: f64 = 3.0;
 
-/// `count` triangles around one point, each a few percent larger than the one before: greedy clustering joins them one by
-/// one.
+/// `count` triangles around one point, each a few percent larger than the one before: greedy clustering joins them one
+/// by one.
 fn nested(count: u32) -> Vec<Triangle> {
     let size = |i: u32| 10.0_f32.powf(DECADES * (i as f32 / count as f32 - 0.5));
     (0..count).map(|i| around(Vec3::ZERO, size(i), i)).collect()

@@ -85,7 +85,8 @@ pub(super) fn solids(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopp
     Ok(())
 }
 
-/// A cube whose faces are cut unlike each other, so that vertices of one lie on edges of the next: rays from inside at those.
+/// A cube whose faces are cut unlike each other, so that vertices of one lie on edges of the next: rays from inside at
+/// those.
 fn junctions(trial: &Trial<'_>) -> Row {
     let options = trial.options();
     let mut tally = Tally::new(SOLIDS, "vertices on edges", Promise::Watertight);

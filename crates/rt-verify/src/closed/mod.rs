@@ -175,7 +175,8 @@ impl Closed {
         }
     }
 
-    /// From inside to a point of the surface; every fourth ray of a convex surface comes from outside through that point.
+    /// From inside to a point of the surface; every fourth ray of a convex surface comes from outside through that
+    /// point.
     fn aimed(&self, from: Vec3, aim: Vec3, index: u32) -> Escape {
         match self.inside {
             Inside::Points(_) => Escape { ray: Ray::new(from, aim - from), latest: f32::INFINITY },
@@ -243,7 +244,8 @@ mod tests {
         assert_eq!(shapes::icosphere(2).len(), 320);
     }
 
-    // Brute force in double precision must let none escape; fails when a start is outside or a latest distance too near.
+    // Brute force in double precision must let none escape; fails when a start is outside or a latest distance too
+    // near.
     #[test]
     fn no_ray_escapes_brute_force() {
         for solid in Solid::ALL {

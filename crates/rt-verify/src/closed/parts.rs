@@ -8,8 +8,8 @@ use rt_core::{Aabb, Ray, Triangle, random};
 use std::collections::HashMap;
 
 impl Closed {
-    /// The closed parts of a mesh: pieces that hang together by equal vertices, whose every edge belongs to an even number
-    /// of triangles, and in which a point inside is found. Largest first, at most `most`.
+    /// The closed parts of a mesh: pieces that hang together by equal vertices, whose every edge belongs to an even
+    /// number of triangles, and in which a point inside is found. Largest first, at most `most`.
     #[must_use]
     pub fn parts(triangles: &[Triangle], most: usize, seed: u32) -> Vec<Self> {
         let mut pieces = pieces(triangles);

@@ -1,7 +1,7 @@
 //! The single-precision filter in front of the reference test, for all rays of a packet at once.
 
+use super::super::lanes::{LANES, Lanes, Numbers, gathered, greater};
 use super::super::triangle::Filter;
-use super::lanes::{LANES, Lanes, Numbers, gathered, greater};
 use rt_core::Triangle;
 
 /// What the filter knows of the rays.

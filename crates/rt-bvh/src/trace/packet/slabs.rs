@@ -3,8 +3,8 @@
 //! Lane by lane it is the arithmetic of [`Slabs`], so every ray gets the numbers that it would get alone; only the sign
 //! of a zero may differ, which no comparison sees.
 
+use super::super::lanes::{LANES, Lanes, Numbers, gathered, greater, lesser};
 use super::super::slabs::Slabs;
-use super::lanes::{LANES, Lanes, Numbers, gathered, greater, lesser};
 use rt_core::Aabb;
 
 /// What the box test knows of the rays. Lanes without a ray enter nothing.

@@ -1,28 +1,15 @@
 //! The traversal loop for packets.
 
-use super::super::walk::{Pending, Stack, Visitor, walk};
+use super::super::lanes::{self, LANES, Lanes, not_above};
+use super::super::stack::{Pending, RayGroup, Stack};
+use super::super::walk::{Visitor, walk};
 use super::filter::PacketFilter;
-use super::lanes::{self, LANES, Lanes, Numbers, not_above};
 use super::slabs::PacketSlabs;
 use alloc::vec::Vec;
 use rt_core::{Node, Scene, Triangle};
 
 /// Where so few rays are left, each goes on alone. Measured: 1 to 3 make no difference, more cost sparse packets time.
 const FEW: u32 = 2;
-
-/// Rays that enter one child, and where.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(in super::super) struct Group {
-    entry: Numbers,
-    child: u32,
-    count: u32,
-    rays: Lanes,
-}
-
-impl Group {
-    pub(in super::super) const EMPTY: Self = Self { entry: [0.0; LANES], child: 0, count: 0, rays: 0 };
-}
 
 /// Rays that walk together.
 pub(super) struct Packet<V> {
@@ -74,15 +61,15 @@ impl<'a, V: Visitor<'a>> Packet<V> {
     /// Walks all rays. The root has two children, and the stack fits the tree.
     #[inline(always)]
     pub(super) fn walk(&mut self, scene: &Scene, nodes: &[Node], stack: &mut Stack) {
-        let Stack { entries, groups_of_rays, .. } = stack;
+        let Stack { entries, ray_groups, .. } = stack;
         let mut used = 0;
-        let mut next = Group { rays: self.open, ..Group::EMPTY };
+        let mut next = RayGroup { rays: self.open, ..RayGroup::EMPTY };
         loop {
             if next.rays.count_ones() <= FEW {
                 self.part(nodes, entries, &next);
             } else if next.count > 0 {
                 self.leaf(scene, &next);
-            } else if let Some(entered) = self.node(&nodes[next.child as usize], next.rays, groups_of_rays, &mut used) {
+            } else if let Some(entered) = self.node(&nodes[next.child as usize], next.rays, ray_groups, &mut used) {
                 next = entered;
                 continue;
             }
@@ -93,10 +80,10 @@ impl<'a, V: Visitor<'a>> Packet<V> {
                     return;
                 }
                 used -= 1;
-                let group = &groups_of_rays[used];
+                let group = &ray_groups[used];
                 let rays = group.rays & self.open & not_above(&group.entry, &self.slabs.limit);
                 if rays != 0 {
-                    next = Group { rays, ..*group };
+                    next = RayGroup { rays, ..*group };
                     break;
                 }
             }
@@ -105,7 +92,7 @@ impl<'a, V: Visitor<'a>> Packet<V> {
 
     /// Tests both children of a node, leaves behind what is not visited next, and returns what is.
     #[inline(always)]
-    fn node(&mut self, node: &Node, rays: Lanes, stack: &mut [Group], used: &mut usize) -> Option<Group> {
+    fn node(&mut self, node: &Node, rays: Lanes, stack: &mut [RayGroup], used: &mut usize) -> Option<RayGroup> {
         if V::COUNTS {
             lanes::count(&mut self.nodes, rays);
         }
@@ -113,7 +100,7 @@ impl<'a, V: Visitor<'a>> Packet<V> {
         let (right, enters_right) = self.slabs.enter(&node.bounds[1]);
         let (entry, entered) = ([left, right], [enters_left & rays, enters_right & rays]);
         let group =
-            |side: usize, rays| Group { entry: entry[side], child: node.child[side], count: node.count[side], rays };
+            |side: usize, rays| RayGroup { entry: entry[side], child: node.child[side], count: node.count[side], rays };
         if entered[0] == 0 || entered[1] == 0 {
             let side = usize::from(entered[0] == 0);
             return (entered[side] != 0).then(|| group(side, entered[side]));
@@ -143,7 +130,7 @@ impl<'a, V: Visitor<'a>> Packet<V> {
 
     /// Sends each ray alone through what hangs below a child.
     #[inline(always)]
-    fn part(&mut self, nodes: &[Node], stack: &mut [Pending], group: &Group) {
+    fn part(&mut self, nodes: &[Node], stack: &mut [Pending], group: &RayGroup) {
         for lane in lanes::each(group.rays) {
             let visitor = &mut self.visitors[lane];
             let start = Pending { child: group.child, count: group.count, entry: group.entry[lane] };
@@ -156,7 +143,7 @@ impl<'a, V: Visitor<'a>> Packet<V> {
 
     /// Visits a leaf.
     #[inline(always)]
-    fn leaf(&mut self, scene: &Scene, group: &Group) {
+    fn leaf(&mut self, scene: &Scene, group: &RayGroup) {
         let (mut company, axis) = self.filter.largest_part(group.rays);
         if company.count_ones() <= FEW {
             company = 0;

@@ -4,7 +4,8 @@ mod plane;
 mod stub;
 
 use super::packet;
-use super::walk::{Stack, each_in};
+use super::stack::Stack;
+use super::walk::each_in;
 use alloc::vec::Vec;
 use plane::{LeafPlane, PlaneWalk};
 use rt_core::{Child, Hit, Node, Ray, ReducedWalk, Scene, TestCounts};

@@ -1,9 +1,10 @@
 //! A truncated tree: its top, and below it what rays paid there on average.
 
 use super::super::slabs::LocalRay;
+use super::super::stack::{Pending, Stack};
 use super::super::triangle::Robust;
 use super::super::visitor::Nearest;
-use super::super::walk::{Pending, Stack, Visitor, each_in, walk};
+use super::super::walk::{Visitor, each_in, walk};
 use crate::scale::{pow2, scaled};
 use alloc::collections::BinaryHeap;
 use alloc::vec;

@@ -3,17 +3,19 @@
 use super::LIMIT;
 use super::options::Options;
 use super::truth::Truth;
+use anyhow::Result;
+use rt_balance::Scheduling;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
-use rt_balance::replay::{Observed, Queue, Replay};
+use rt_balance::replay::{Observed, Replay};
 use rt_core::{
     Coherence, CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step,
     StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
 use rt_lab::contenders::MACHINES;
+use rt_report::usage::usage;
 use rt_sched::calibrate::cross_predicted;
 use rt_sched::estimate::interval_95;
 use rt_sched::metrics::{self, EstimateErrors};
-use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -48,8 +50,8 @@ const LAUNCH_S: f64 = 1e-5;
 
 /// Excess of a hybrid queue on [`MACHINES`] that is started by `walked`, or knows nothing if that made no samples.
 ///
-/// Prices are fitted to the even passes and to other tasks than those they predict; the virtual devices take as long as in
-/// the odd passes.
+/// Prices are fitted to the even passes and to other tasks than those they predict; the virtual devices take as long as
+/// in the odd passes.
 fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len()] {
     let [fitted, task_s] = &truth.halves;
     let kept = |task: &Task| walked.mask.as_ref().map_or(0, |mask| mask.count_in(task.range()));
@@ -66,9 +68,9 @@ fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len(
     MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: LAUNCH_S };
         let total = if walked.knows {
-            replay.cost_initialised(Queue::HYBRID, &seen).0
+            replay.cost_initialised(&Scheduling::default(), &seen).0
         } else {
-            replay.regular(Queue::HYBRID, &rays)
+            replay.regular(&Scheduling::default(), &rays)
         };
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     })
@@ -109,6 +111,17 @@ fn processor_s() -> f64 {
 }
 
 impl Case {
+    /// Whether every name that is asked for is one.
+    pub(crate) fn check(options: &Options) -> Result<()> {
+        let names: Vec<String> =
+            Self::list(&Options { only: Vec::new(), ..options.clone() }).into_iter().map(|case| case.name).collect();
+        let family = |name: &str| name.split(' ').next().unwrap_or_default().to_owned();
+        match options.only.iter().find(|only| !names.iter().any(|name| *only == name || **only == family(name))) {
+            Some(unknown) => Err(usage(format!("--only {unknown}: there are {}", names.join(", "))).into()),
+            None => Ok(()),
+        }
+    }
+
     /// All cases asked for.
     pub(crate) fn list(options: &Options) -> Vec<Self> {
         /// One ray in so many; where the ray is not traced, fewer do not pay.
@@ -140,7 +153,7 @@ impl Case {
         tasks: &[Task],
         seed: u32,
         truth: &Truth,
-    ) -> Result<Outcome, Box<dyn Error>> {
+    ) -> Result<Outcome> {
         let mut launch = Launch::default();
         let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
         result?;
@@ -149,10 +162,10 @@ impl Case {
             coherence: Coherence::Unknown,
             tasks,
             seed,
-            part: 0,
+            wave: 0,
             source: Some(source),
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;

@@ -1,69 +1,62 @@
 //! The command line.
 
+use clap::Parser;
 use rt_core::StreamKind;
-use std::error::Error;
+use rt_lab::arguments;
+use rt_report::exit::Exit;
+use std::path::PathBuf;
 
-/// What to measure.
-#[derive(Debug)]
+/// Measure what estimating costs and how wrong it is.
+#[derive(Clone, Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 pub(crate) struct Options {
-    pub(crate) scenes: Vec<String>,
+    /// Built-in scenes (yard, car) or OBJ files
+    #[arg(required = true, value_name = "SCENE")]
+    pub(crate) scenes: Vec<PathBuf>,
+    /// Kinds of rays: primary, diffuse
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', default_value = "primary,diffuse")]
+    #[arg(value_parser = arguments::kind)]
     pub(crate) kinds: Vec<StreamKind>,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = arguments::size)]
     pub(crate) size: [u32; 2],
+    /// Rays of a task
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1024,64")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) task_sizes: Vec<u32>,
-    pub(crate) repetitions: usize,
-    /// Passes over all tasks, one per launch.
-    pub(crate) passes: usize,
-    /// Names of cases, such as `exact` or `field 1/64`; empty: all.
+    /// Repetitions that count, each with another seed
+    #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) repetitions: u32,
+    /// Passes over all tasks, one per launch
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(2..))]
+    pub(crate) passes: u32,
+    /// Only these estimators, such as `exact` or `field 1/64`
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    pub(crate) json: Option<String>,
+    /// Only the estimators of docs/results/estimation.md
+    #[arg(long, conflicts_with = "only")]
+    pub(crate) published: bool,
+    /// A look at the form: small pictures, few repetitions
+    #[arg(long, conflicts_with_all = ["size", "task_sizes", "repetitions", "passes"])]
+    pub(crate) quick: bool,
+    /// Write every measurement to this file
+    #[arg(long, value_name = "FILE")]
+    pub(crate) json: Option<PathBuf>,
+    /// Write tables of all scenes side by side, in Markdown, to this file
+    #[arg(long, value_name = "FILE", requires = "published")]
+    pub(crate) summary: Option<PathBuf>,
 }
 
 impl Options {
-    pub(crate) fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self {
-            scenes: Vec::new(),
-            kinds: vec![StreamKind::Primary, StreamKind::Diffuse(0)],
-            size: [1024, 1024],
-            task_sizes: vec![1024, 64],
-            repetitions: 7,
-            passes: 6,
-            only: Vec::new(),
-            json: None,
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--kinds" => options.kinds = value()?.split(',').map(kind).collect::<Result<_, _>>()?,
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                "--task-sizes" => options.task_sizes = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
-                "--repetitions" => options.repetitions = value()?.parse::<usize>()?.max(1),
-                "--passes" => options.passes = value()?.parse::<usize>()?.max(2),
-                "--only" => options.only = value()?.split(',').map(str::to_owned).collect(),
-                "--quick" => {
-                    (options.size, options.task_sizes) = ([512, 512], vec![1024]);
-                    (options.repetitions, options.passes) = (3, 2);
-                }
-                "--json" => options.json = Some(value()?),
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
-            }
+    /// With what the shorthands stand for.
+    pub(crate) fn adjusted(mut self) -> Self {
+        if self.quick {
+            (self.size, self.task_sizes) = ([512, 512], vec![1024]);
+            (self.repetitions, self.passes) = (3, 2);
         }
-        if options.scenes.is_empty() {
-            return Err("name a scene: yard, car, or OBJ files".into());
+        if self.published {
+            self.only = super::summary::published();
         }
-        Ok(options)
-    }
-}
-
-fn kind(name: &str) -> Result<StreamKind, String> {
-    match name {
-        "primary" => Ok(StreamKind::Primary),
-        "diffuse" => Ok(StreamKind::Diffuse(0)),
-        other => Err(format!("--kinds {other}: primary or diffuse")),
+        self
     }
 }

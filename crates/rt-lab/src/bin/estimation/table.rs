@@ -5,8 +5,10 @@ use super::truth::Truth;
 use rt_balance::stats::median;
 use rt_core::{StreamKind, Task};
 use rt_lab::contenders::MACHINES;
+use rt_report::print::Stdout;
 use rt_sched::metrics::EstimateErrors;
 use serde_json::{Value, json};
+use std::io::{self, Write};
 
 fn percent(value: Option<f64>) -> String {
     value.filter(|v| v.is_finite()).map_or_else(|| "–".to_owned(), |v| format!("{:.2}", 100.0 * v))
@@ -35,11 +37,12 @@ pub(crate) fn print(
     truth: &Truth,
     cases: &[Case],
     outcomes: &[Vec<Outcome>],
-) {
+) -> io::Result<()> {
     let rays: u32 = tasks.iter().map(|task| task.rays).sum();
     let plain: Vec<f64> = outcomes.iter().flatten().map(|o| o.plain.cpu).collect();
     let of = |errors: &Option<EstimateErrors>| percent(errors.map(|e| e.mean_relative));
-    println!(
+    writeln!(
+        Stdout,
         "{scene}, {kind}: {rays} rays, {} tasks of {size}; plain trace {:.3} s of processor time ({:.2} Mray/s); task time \
          repeats to {}%; exact counts predict it to {}%, with a price of divergence to {}%\n",
         tasks.len(),
@@ -48,13 +51,14 @@ pub(crate) fn print(
         of(&truth.repeatability),
         of(&truth.counts_as_time),
         of(&truth.with_divergence),
-    );
-    println!(
+    )?;
+    writeln!(
+        Stdout,
         "| estimator | sampled % | price of a sample | net overhead % (min – max) | counts: mean % | weighted % | p95 % | \
          bias % | time: mean % | weighted % | p95 % | bias % | in 95% interval % | excess %, {} |",
         MACHINES.map(|(name, _)| name).join(" | ")
-    );
-    println!("|{}", "---|".repeat(13 + MACHINES.len()));
+    )?;
+    writeln!(Stdout, "|{}", "---|".repeat(13 + MACHINES.len()))?;
     for (case, outcomes) in cases.iter().zip(outcomes) {
         let cpu = |s: &Seconds| s.cpu;
         let nets: Vec<f64> = outcomes.iter().map(|o| o.net(cpu)).collect();
@@ -66,7 +70,8 @@ pub(crate) fn print(
         let prices: Vec<f64> = outcomes.iter().filter_map(|o| price(o, rays)).collect();
         let chosen = outcomes.last().map_or("", |o| o.chosen);
         let name = if case.name == "auto" { format!("auto ({chosen})") } else { case.name.clone() };
-        println!(
+        writeln!(
+            Stdout,
             "| {name} | {} | {} | {} ({} – {}) | {} | {} | {} | {} |",
             percent(Some(middle(outcomes, |o| o.walked as f64) / f64::from(rays))),
             if prices.is_empty() { "–".to_owned() } else { format!("{:.2}", median(&prices)) },
@@ -80,9 +85,9 @@ pub(crate) fn print(
                 middle(outcomes, |o| o.excess[machine])
             )))
             .join(" | "),
-        );
+        )?;
     }
-    println!();
+    writeln!(Stdout)
 }
 
 fn errors(errors: &Option<EstimateErrors>) -> Value {

@@ -1,11 +1,11 @@
 //! What tasks really cost.
 
 use super::LIMIT;
+use anyhow::{Context, Result};
 use rt_balance::stats::median;
 use rt_core::{Launch, RaySource, StreamSpec, Task, TestCounts, Tracer, Work};
 use rt_sched::calibrate::cross_predicted;
 use rt_sched::metrics::EstimateErrors;
-use std::error::Error;
 
 /// Exact counts and measured seconds of each task.
 #[derive(Debug)]
@@ -25,12 +25,7 @@ pub(crate) struct Truth {
 }
 
 impl Truth {
-    pub(crate) fn measure(
-        tracer: &mut dyn Tracer,
-        source: &RaySource,
-        tasks: &[Task],
-        passes: usize,
-    ) -> Result<Self, Box<dyn Error>> {
+    pub(crate) fn measure(tracer: &mut dyn Tracer, source: &RaySource, tasks: &[Task], passes: usize) -> Result<Self> {
         let mut launch = Launch::default();
         tracer.load_rays(source.clone(), StreamSpec { counts: true, ..StreamSpec::default() })?;
         let ticket = tracer.submit(tasks, None)?;
@@ -42,7 +37,7 @@ impl Truth {
             for (task, samples) in tasks.iter().zip(&mut samples) {
                 let ticket = tracer.submit(&[*task], None)?;
                 tracer.wait(ticket, LIMIT, &mut launch)?;
-                samples.push(f64::from(launch.task_seconds.first().copied().ok_or("the device times no tasks")?));
+                samples.push(f64::from(launch.task_seconds.first().copied().context("the device times no tasks")?));
             }
         }
         let of = |task: &Task| &counts[task.first as usize..(task.first + task.rays) as usize];

@@ -2,17 +2,17 @@
 
 use super::{Card, LAYOUTS};
 use crate::Lab;
-use crate::stretch::Stretch;
 use crate::subject::in_kernel;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
 use anyhow::{Context, Result};
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use rt_balance::clock;
 use rt_balance::stats::Summary;
 use rt_bvh::{Mesh, Stack, WideTree};
 use rt_core::{Hit, Precision, Query, StreamSpec, TestCounts, Tracer};
 use rt_scene::prepare::Prepared;
-use rt_verify::clock;
 use serde::Serialize;
 use std::path::Path;
 use std::sync::Arc;
@@ -46,15 +46,15 @@ pub(super) struct Row {
     pub(super) layout: &'static str,
     /// Bytes of the layout's nodes, the triangles and their ids, for each triangle.
     pub(super) bytes_per_triangle: f64,
-    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which tests
-    /// are counted.
+    /// What the card holds when it traces over this layout: of the eight-wide one also the two-wide nodes, over which
+    /// tests are counted.
     pub(super) held_bytes_per_triangle: f64,
     /// Box tests of a ray on average; a two-wide node has two, an eight-wide one eight, whatever is in its slots.
     pub(super) box_tests: f64,
     /// Triangle tests of a ray.
     pub(super) triangle_tests: f64,
-    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits over one of
-    /// the trees only.
+    /// Hits that are not, bit for bit, those over the two-wide tree; of rays that any hit ends, those that are hits
+    /// over one of the trees only.
     pub(super) differing: usize,
     /// Million rays per second in kernels.
     pub(super) mray_s: Summary,
@@ -72,8 +72,8 @@ pub(super) struct Row {
 /// A card's tracers, one for each layout.
 type Tracers = [Box<dyn Tracer>; 2];
 
-pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>) -> Result<SceneRows> {
-    let prepared = (setting.lab.scenes)(scene)?;
+pub(super) fn measure(setting: &Setting<'_>, scene: &Path, time: &TimeBudget<'_>) -> Result<SceneRows> {
+    let prepared = setting.lab.prepare(scene)?;
     let model = &prepared.model;
     let triangles: Vec<_> = (0..model.indices.len() as u32).filter_map(|i| model.triangle(i)).collect();
     let mut kinds = streams(&prepared, &triangles, setting.size, setting.args.seed)?;
@@ -100,8 +100,8 @@ pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>
             );
         }
     }
-    let stretch = stretch.clone().with_steps(measured.rows.len(), setting.repeat + 1);
-    for round in stretch.rounds(setting.repeat) {
+    let time = time.clone().with_steps(measured.rows.len(), setting.repeat + 1);
+    for round in time.rounds(setting.repeat) {
         let made = make(&prepared)?;
         if round > 0 {
             measured.build_s.push(made[0]);
@@ -113,7 +113,7 @@ pub(super) fn measure(setting: &Setting<'_>, scene: &Path, stretch: &Stretch<'_>
                 let Some(pair) = pairs.next() else { break };
                 trace(setting.lab, pair, tracers, kind, round, prepared.precision)
                     .with_context(|| format!("{} rays on {}", kind.name, pair[0].entry))?;
-                pair.iter().for_each(|_| stretch.step());
+                pair.iter().for_each(|_| time.step());
             }
         }
     }
@@ -165,7 +165,8 @@ fn trace(
     Ok(())
 }
 
-/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the layout.
+/// How many hits differ. Which triangle ends a ray that any hit ends depends on the order of visits, hence on the
+/// layout.
 fn differing(query: Query, [two, wide]: &[Vec<Hit>; 2]) -> usize {
     let bits = |hit: &Hit| match query {
         Query::Closest => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive],

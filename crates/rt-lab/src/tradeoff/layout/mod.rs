@@ -1,8 +1,8 @@
-//! `raybalance tradeoff layout`: what the layout of the tree costs in memory and in time to make it, and what it buys in
-//! rays per second.
+//! `raybalance tradeoff layout`: what the layout of the tree costs in memory and in time to make it, and what it buys
+//! in rays per second.
 //!
-//! Compared are the two-wide tree and the eight-wide compressed one that is made from it. Only graphics cards can trace over
-//! either; processors walk the two-wide tree alone (`docs/results/layouts.md` says why).
+//! Compared are the two-wide tree and the eight-wide compressed one that is made from it. Only graphics cards can trace
+//! over either; processors walk the two-wide tree alone (`docs/results/layouts.md` says why).
 
 mod measure;
 mod write;
@@ -31,8 +31,8 @@ pub(super) fn passes(_: &Options) -> f64 {
     4.0 * LAYOUTS.len() as f64
 }
 
-/// The cards of a list, without one every card but software rasterisers; and why what else is in the list is left out, or
-/// there is none.
+/// The cards of a list, without one every card but software rasterisers; and why what else is in the list is left out,
+/// or there is none.
 pub(super) fn cards(list: Option<&str>) -> Result<(Vec<Card>, Vec<String>)> {
     let list = match list {
         Some(list) => list.to_owned(),
@@ -79,7 +79,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let scenes = &setting.args.scenes;
     let mut rows = Vec::new();
     for (index, scene) in scenes.iter().enumerate() {
-        rows.push(measure::measure(setting, scene, &setting.stretch.equal_part(scenes.len(), index))?);
+        rows.push(measure::measure(setting, scene, &setting.time.equal_part(scenes.len(), index))?);
     }
     write::all(setting, &rows, page)
 }

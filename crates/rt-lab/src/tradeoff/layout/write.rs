@@ -21,7 +21,7 @@ pub(super) fn all(setting: &Setting<'_>, scenes: &[SceneRows], page: &mut Page) 
     page.section("Layout of the tree against rays per second");
     for scene in scenes.iter().filter(|scene| !scene.rows.is_empty()) {
         let svg = front::to_svg(&chart(scene))?;
-        setting.write(&format!("layout-{}.svg", file_part(&scene.scene)), &svg)?;
+        setting.write_svg(&format!("layout-{}.svg", file_part(&scene.scene)), &svg)?;
         page.chart(
             &svg,
             "Bytes per triangle against million rays per second, one point for each layout, one panel for each kind of rays",
@@ -34,14 +34,12 @@ pub(super) fn all(setting: &Setting<'_>, scenes: &[SceneRows], page: &mut Page) 
     page.table(&format!("Layouts{on}: medians, intervals in brackets"), &table);
     notes.iter().for_each(|note| page.paragraph(note));
     let words: Vec<String> = notes.iter().map(|note| format!("  {note}")).collect();
-    let head = &setting.head;
-    let markdown =
-        format!("`{}`\n\n{}\n\n{}\n{}\n", head.command, head.machine, table.to_markdown(), notes.join("\n\n"));
-    setting.write("layout.md", &markdown)?;
+    let markdown = format!("{}\n{}\n", table.to_markdown(), notes.join("\n\n"));
+    setting.write_markdown("layout.md", &markdown)?;
     setting.write("layout.csv", &csv(setting.csv_head(), scenes))?;
     setting.write_json("layout.json", &scenes)?;
     let words = words.join("\n");
-    Ok(setting.stretch.print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{words}"))?)
+    Ok(setting.time.print(&format!("\nlayout of the tree against rays per second{on}\n\n{table}\n{words}"))?)
 }
 
 /// How to read the tables, how sure the intervals are, and what cards have to say.

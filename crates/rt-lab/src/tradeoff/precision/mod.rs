@@ -3,20 +3,20 @@
 mod write;
 
 use super::streams::{Kind, STREAMS, launch, reference, streams};
-use crate::stretch::Stretch;
+use crate::time_budget::TimeBudget;
 use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
-use rt_balance::devices::{Opened, Opener};
+use rt_balance::clock;
+use rt_balance::devices::Opened;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
+use rt_report::Provenance;
 use rt_report::chart::precision::{self as chart, Front, Point};
-use rt_report::command_words;
 use rt_report::html::Page;
 use rt_report::output;
 use rt_report::table::percent;
 use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
-use rt_verify::clock;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,15 +33,13 @@ const ONE_KERNEL: &str = "graphics cards have one kernel, that of robust. It ans
     in time by chance alone; the precision asked for decides only how the host settles the rays that are left in doubt.";
 
 /// Version of the report's layout.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 
 /// What is written to `precision.json`; `docs/verify.md` describes it.
 #[derive(Debug, Serialize)]
 struct Report {
     schema: u32,
-    version: &'static str,
-    command: Vec<String>,
-    seed: u32,
+    provenance: Provenance,
     runs: u32,
     size: [u32; 2],
     builder: &'static str,
@@ -83,7 +81,7 @@ pub(super) fn passes(_: &super::Options) -> f64 {
 pub struct Options {
     /// Built-in scenes or OBJ files; none: [`DEFAULT_SCENES`].
     pub scenes: Vec<PathBuf>,
-    /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
+    /// Devices, one after the other, as [`Opener::open_in_turn`](rt_balance::devices::Opener::open_in_turn) reads them.
     pub devices: String,
     /// Fewer rays and runs: a look, not a measurement.
     pub quick: bool,
@@ -121,36 +119,46 @@ impl Options {
     }
 }
 
+/// Where the results come from.
+pub(super) fn provenance(args: &Options, devices: &[Opened]) -> Provenance {
+    let name = |opened: &Opened| format!("{}: {}", opened.entry, opened.device.info().name);
+    Provenance::now(args.seed, devices.iter().map(name))
+}
+
 /// Measures and adds a section to the page.
-pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mut Page) -> Result<()> {
-    stretch.label("precision");
+pub(super) fn run(
+    lab: Lab<'_>,
+    args: &Options,
+    devices: &[Opened],
+    time: &TimeBudget<'_>,
+    page: &mut Page,
+) -> Result<()> {
+    time.label("precision");
     let names = if args.scenes.is_empty() { DEFAULT_SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
-    let devices = Opener::new().open_in_turn(&args.devices).context("--devices")?;
     let (size, runs, sample) = args.effort();
     let (mut rows, mut builder) = (Vec::new(), "");
     for (index, name) in names.iter().enumerate() {
-        let stretch = stretch.equal_part(names.len(), index);
-        let bench = Bench { lab, prepared: (lab.scenes)(name)?, size, runs, sample, seed: args.seed, stretch };
-        bench.measure(&devices, &mut rows)?;
+        let time = time.equal_part(names.len(), index);
+        let bench = Bench { lab, prepared: lab.prepare(name)?, size, runs, sample, seed: args.seed, time };
+        bench.measure(devices, &mut rows)?;
         builder = bench.prepared.options.builder.name();
     }
 
-    let report = Report {
-        schema: SCHEMA,
-        version: env!("CARGO_PKG_VERSION"),
-        command: command_words(),
-        seed: args.seed,
-        runs,
-        size,
-        builder,
-        rows,
-    };
+    let report = Report { schema: SCHEMA, provenance: provenance(args, devices), runs, size, builder, rows };
     let json = args.out.join("precision.json");
     output::write_atomically(&json, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
-    output::write_atomically(&args.out.join("precision.csv"), |file| write::csv(file, &report.rows))?;
-    output::write_atomically(&args.out.join("precision.md"), |file| write::markdown(file, &report.rows))?;
+    output::write_atomically(&args.out.join("precision.csv"), |file| {
+        file.write_all(report.provenance.csv().as_bytes())?;
+        write::csv(file, &report.rows)
+    })?;
+    output::write_atomically(&args.out.join("precision.md"), |file| {
+        writeln!(file, "{}", report.provenance)?;
+        write::markdown(file, &report.rows)
+    })?;
     let svg = chart::to_svg(&fronts(&report));
-    output::write_atomically(&args.out.join("precision.svg"), |file| Ok(file.write_all(svg.as_bytes())?))?;
+    output::write_atomically(&args.out.join("precision.svg"), |file| {
+        file.write_all(report.provenance.in_svg(&svg).as_bytes())
+    })?;
     page.section("Speed against wrong answers");
     page.chart(
         &svg,
@@ -158,13 +166,13 @@ pub(super) fn run(lab: Lab<'_>, args: &Options, stretch: &Stretch<'_>, page: &mu
         "Wrong: misses, hits and triangles that are not those of double precision. Bars: intervals of the \
          medians, 95% bounds of wrong answers.",
     );
-    let notes = notes(&report.rows, &devices);
+    let notes = notes(&report.rows, devices);
     notes.iter().for_each(|note| page.paragraph(note));
     for (title, table) in write::tables(&report.rows) {
         page.table(&title, &table);
-        stretch.print(&format!("\n{title}\n\n{table}"))?;
+        time.print(&format!("\n{title}\n\n{table}"))?;
     }
-    Ok(notes.iter().try_for_each(|note| stretch.print(&format!("  {note}")))?)
+    Ok(notes.iter().try_for_each(|note| time.print(&format!("  {note}")))?)
 }
 
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
@@ -192,7 +200,7 @@ struct Bench<'a> {
     /// Rays of each stream that the exact reference judges.
     sample: u32,
     seed: u32,
-    stretch: Stretch<'a>,
+    time: TimeBudget<'a>,
 }
 
 impl Bench<'_> {
@@ -206,9 +214,9 @@ impl Bench<'_> {
             let right = reference(&scene, &kind.source, kind.query);
             for (on, named) in devices.iter().enumerate() {
                 let device = named.device.as_ref();
-                let stretch = self.stretch.equal_part(cells, index * devices.len() + on);
-                let sample = self.affordable(kind, &triangles, &stretch);
-                let timed = self.time(device, &scene, kind, &stretch.part(&[2.0, 1.0], 0))?;
+                let time = self.time.equal_part(cells, index * devices.len() + on);
+                let sample = self.affordable(kind, &triangles, &time);
+                let timed = self.time(device, &scene, kind, &time.part(&[2.0, 1.0], 0))?;
                 for (precision, timed) in PRECISIONS.into_iter().zip(&timed) {
                     let accuracy = Accuracy::of(
                         |i| kind.source.ray(i as u32).0,
@@ -231,8 +239,8 @@ impl Bench<'_> {
     }
 
     /// How many rays the exact reference can judge in a third of the time.
-    fn affordable(&self, kind: &Kind, triangles: &[Triangle], stretch: &Stretch<'_>) -> u32 {
-        let Some(left) = stretch.left() else { return self.sample };
+    fn affordable(&self, kind: &Kind, triangles: &[Triangle], time: &TimeBudget<'_>) -> u32 {
+        let Some(left) = time.left() else { return self.sample };
         let (rays, _) = sampled(&kind.source, &[], TRIED.min(self.sample));
         let begin = Instant::now();
         // Whatever the hits are, it takes as long.
@@ -243,12 +251,12 @@ impl Bench<'_> {
     }
 
     /// Traces the stream with each precision in turn, as often as there are runs; the first round is not counted.
-    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, stretch: &Stretch<'_>) -> Result<[Timed; 3]> {
+    fn time(&self, device: &dyn Device, scene: &Arc<Scene>, kind: &Kind, time: &TimeBudget<'_>) -> Result<[Timed; 3]> {
         let fails = || format!("{} on {}", kind.name, device.info().name);
         let mut tracer = device.tracer(Arc::clone(scene), clock).with_context(fails)?;
         let mut timed = [(); 3].map(|()| Timed::default());
-        let stretch = stretch.clone().with_steps(PRECISIONS.len(), self.runs + 1);
-        for round in stretch.rounds(self.runs) {
+        let time = time.clone().with_steps(PRECISIONS.len(), self.runs + 1);
+        for round in time.rounds(self.runs) {
             let round = round as usize;
             for turn in 0..PRECISIONS.len() {
                 self.lab.go_on()?;
@@ -261,7 +269,7 @@ impl Bench<'_> {
                     timed[which].seconds.push(launch.span.duration().as_secs_f64());
                 }
                 timed[which].hits = launch.hits;
-                stretch.step();
+                time.step();
             }
         }
         Ok(timed)

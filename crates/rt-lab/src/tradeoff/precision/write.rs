@@ -1,14 +1,13 @@
 //! What was measured, as CSV, as tables for the terminal and as a table for a report.
 
 use super::Row;
-use anyhow::Result;
 use rt_balance::stats::Summary;
 use rt_report::table::{Table, grouped};
 use rt_verify::accuracy::UlpErrors;
-use std::io::Write;
+use std::io::{self, Write};
 
 /// One line for each row, without raw samples.
-pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
+pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         file,
         "scene,triangles,device,entry,backend,rays,precision,kernel,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
@@ -100,8 +99,9 @@ fn ppm(ppm: f64) -> String {
     }
 }
 
-/// One Markdown table: what `fast` gets wrong, how exact distances are, and what robustness costs, a line for each stream.
-pub(super) fn markdown(file: &mut dyn Write, rows: &[Row]) -> Result<()> {
+/// One Markdown table: what `fast` gets wrong, how exact distances are, and what robustness costs, a line for each
+/// stream.
+pub(super) fn markdown(file: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         file,
         "| scene | device | rays | fast: false misses, false hits, other ids (ppm) | wrong of robust, f64 (ppm) | error of \

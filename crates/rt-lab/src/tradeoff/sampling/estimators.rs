@@ -1,82 +1,61 @@
-//! The estimators that are swept.
+//! The estimators that are swept: those of the catalogue that take a share.
 
+use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
 use rt_core::{
-    Coherence, CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, ReducedWalk, Step, StreamKind,
-    StreamRecord, Walk,
+    Coherence, CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Walk,
 };
-use rt_sched::estimate::{Adaptive, Auto, Field, Sampled};
 use rt_sched::sample::{Fraction, RaySampler};
 
-/// An estimator that takes a fraction.
+/// An estimator that takes a share, and how its rays are chosen.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Kind {
-    pub(super) name: &'static str,
-    pub(super) make: fn(Fraction) -> Box<dyn CostEstimator>,
-    /// How its rays are chosen.
-    pub(super) sampler: Choice,
-    /// Whether it is also asked to walk every ray, which gives the price of its walk.
-    pub(super) every_ray: bool,
+    entry: &'static Entry<Make>,
+    sampler: Choice,
 }
 
 /// Which rays of a task are sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Choice {
+enum Choice {
     /// As suits the kind of stream: strided where rays are coherent, else random.
     Own,
     /// The other way.
     Other,
 }
 
-fn exact(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Sampled::new(Walk::Full, fraction))
-}
-
-fn leaf(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafAsHit), fraction))
-}
-
-fn unshortened(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::Unshortened), fraction))
-}
-
-fn plane(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::LeafPlane), fraction))
-}
-
-fn truncated(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Sampled::new(Walk::Reduced(ReducedWalk::Truncated), fraction))
-}
-
-fn field(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Field::new(fraction))
-}
-
-fn adaptive(fraction: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Adaptive::new(fraction))
-}
-
-/// Its budget is a share of the trace, not of the rays.
-fn auto(budget: Fraction) -> Box<dyn CostEstimator> {
-    Box::new(Auto::new(budget.value()))
-}
-
 /// The reduced traversal of the paper, in the reading that comes nearest to its price.
-pub(super) const PAPERS: &str = "reduced, leaf as hit";
+pub(super) const PAPERS: &str = "reduced";
 
-/// All of them.
-pub(super) const KINDS: [Kind; 9] = [
-    Kind { name: "exact", make: exact, sampler: Choice::Own, every_ray: false },
-    Kind { name: "exact, other sampler", make: exact, sampler: Choice::Other, every_ray: false },
-    Kind { name: PAPERS, make: leaf, sampler: Choice::Own, every_ray: true },
-    Kind { name: "reduced, unshortened", make: unshortened, sampler: Choice::Own, every_ray: true },
-    Kind { name: "reduced, leaf plane", make: plane, sampler: Choice::Own, every_ray: true },
-    Kind { name: "reduced, truncated tree", make: truncated, sampler: Choice::Own, every_ray: true },
-    Kind { name: "cost field", make: field, sampler: Choice::Own, every_ray: false },
-    Kind { name: "adaptive from", make: adaptive, sampler: Choice::Own, every_ray: false },
-    Kind { name: "auto, budget", make: auto, sampler: Choice::Own, every_ray: false },
-];
+/// The estimator that is also tried with the other sampler.
+pub(super) const EXACT: &str = "exact";
+
+/// All of them. `history` is none: of streams that it has not seen it knows what `exact` does.
+pub(super) fn kinds() -> impl Iterator<Item = Kind> {
+    let swept = ESTIMATORS.iter().filter(|entry| entry.with(1.0).is_some() && entry.name != "history");
+    swept.flat_map(|entry| {
+        let other = (entry.name == EXACT).then_some(Choice::Other);
+        std::iter::once(Choice::Own).chain(other).map(move |sampler| Kind { entry, sampler })
+    })
+}
 
 impl Kind {
+    /// What tables call it.
+    pub(super) fn name(&self) -> String {
+        match self.sampler {
+            Choice::Own => self.entry.name.to_owned(),
+            Choice::Other => format!("{}, other sampler", self.entry.name),
+        }
+    }
+
+    /// Whether it is also asked to walk every ray, which gives the price of its walk: of walks that trace nothing.
+    pub(super) fn every_ray(&self) -> bool {
+        matches!(self.walk(), Some(Walk::Reduced(_)))
+    }
+
+    /// How it walks samples.
+    pub(super) fn walk(&self) -> Option<Walk> {
+        self.entry.usual().make().walk()
+    }
+
     /// The sampler's name for a kind of stream.
     pub(super) fn sampler_name(&self, kind: StreamKind) -> &'static str {
         match self.sampler(kind) {
@@ -95,7 +74,8 @@ impl Kind {
 
     /// The estimator for streams of a kind.
     pub(super) fn estimator(&self, fraction: Fraction, kind: StreamKind) -> Box<dyn CostEstimator> {
-        let inner = (self.make)(fraction);
+        let chosen = self.entry.with(fraction.value()).unwrap_or_else(|| self.entry.usual());
+        let inner = chosen.make();
         match self.sampler {
             Choice::Own => inner,
             Choice::Other => Box::new(SampledAs { inner, sampler: self.sampler(kind) }),
@@ -159,6 +139,18 @@ mod tests {
     use super::*;
     use rt_core::tasks_of;
 
+    // Mutants: an estimator of the catalogue that is not swept; one that takes nothing swept.
+    #[test]
+    fn every_estimator_that_takes_a_share_is_swept() {
+        let names: Vec<String> = kinds().map(|kind| kind.name()).collect();
+        for entry in ESTIMATORS {
+            let is_swept = !["uniform", "history"].contains(&entry.name);
+            assert_eq!(names.iter().any(|name| name == entry.name), is_swept, "{}", entry.name);
+        }
+        assert!(names.iter().any(|name| name == PAPERS));
+        assert!(kinds().all(|kind| kind.every_ray() == kind.entry.name.starts_with("reduced")));
+    }
+
     // Mutants: `seen_as` that leaves the kind; the samplers exchanged.
     #[test]
     fn the_other_sampler_is_another() {
@@ -170,17 +162,18 @@ mod tests {
                 coherence: Coherence::Unknown,
                 tasks: &tasks,
                 seed: 1,
-                part: 0,
+                wave: 0,
                 source: None,
                 devices: 1,
-                blind_excess: 1.0,
+                uninformed_excess: 1.0,
             };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),
                 Step::Done(_) => false,
             }
         };
-        let [own, other] = [&KINDS[0], &KINDS[1]];
+        let of_exact: Vec<Kind> = kinds().filter(|kind| kind.entry.name == EXACT).collect();
+        let [own, other] = &of_exact[..] else { panic!("{of_exact:?}") };
         for (of, strided, random) in [(StreamKind::Primary, own, other), (StreamKind::Diffuse(0), other, own)] {
             assert_eq!(strided.sampler_name(of), "strided");
             assert_eq!(random.sampler_name(of), "random");

@@ -1,17 +1,17 @@
 //! The sweep: every setting in turn, round after round.
 
-use super::estimators::{KINDS, Kind};
+use super::estimators::{Kind, kinds};
 use crate::contenders::{self, Contender, MACHINES};
-use crate::stretch::Stretch;
 use crate::subject::Subject;
+use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use anyhow::{Context, Result};
-use rt_balance::replay::{Observed, Queue, Replay};
+use rt_balance::catalogue::ESTIMATORS;
+use rt_balance::replay::{Observed, Replay};
 use rt_balance::report::{ErrorReport, StreamRun};
 use rt_balance::stats::Summary;
 use rt_balance::{Scheduling, Stream, clock};
 use rt_core::{CostEstimator, Device, DeviceErrorKind, StreamKind, TestCounts};
-use rt_sched::estimate::Uniform;
 use rt_sched::metrics;
 use rt_sched::sample::Fraction;
 use serde::Serialize;
@@ -53,8 +53,8 @@ pub(super) struct Cell {
     pub(super) estimator: String,
     /// `strided` or `random`; `None` without samples.
     pub(super) sampler: Option<&'static str>,
-    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget as a
-    /// share of the trace; 0 without an estimator.
+    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget
+    /// as a share of the trace; 0 without an estimator.
     pub(super) fraction: f64,
     /// Seed of each round's samples.
     pub(super) seeds: Vec<u32>,
@@ -91,11 +91,11 @@ const fn swept(quick: bool) -> (&'static [f64], &'static [u32]) {
     if quick { (&QUICK_FRACTIONS, &QUICK_TASK_SIZES) } else { (&FRACTIONS, &TASK_SIZES) }
 }
 
-/// How often a round traces the rays of a picture: for each kind of rays and task size every setting and the plain run beside it, and
-/// once more each task alone.
+/// How often a round traces the rays of a picture: for each kind of rays and task size every setting and the plain run
+/// beside it, and once more each task alone.
 pub(super) fn passes(quick: bool) -> f64 {
     let (fractions, task_sizes) = swept(quick);
-    let all: Vec<&Kind> = KINDS.iter().collect();
+    let all: Vec<Kind> = kinds().collect();
     2.0 * task_sizes.len() as f64 * (2.0 * tries(&all, fractions).len() as f64 + 1.0)
 }
 
@@ -103,8 +103,8 @@ pub(super) fn passes(quick: bool) -> f64 {
 const REGULAR: [Contender; 3] = [contenders::HYBRID, contenders::ROUND_ROBIN, contenders::BLOCKS];
 
 /// A setting as it is run.
-struct Try<'a> {
-    kind: &'a Kind,
+struct Try {
+    kind: Kind,
     fraction: Fraction,
 }
 
@@ -115,13 +115,13 @@ impl<'a> Sweep<'a> {
     }
 
     /// All settings on one scene, and the names of estimators for which the device has no walk.
-    pub(super) fn measure(&self, scene: &Path, stretch: &Stretch<'_>) -> Result<(Vec<Cell>, Vec<&'static str>)> {
+    pub(super) fn measure(&self, scene: &Path, time: &TimeBudget<'_>) -> Result<(Vec<Cell>, Vec<String>)> {
         let mut subject = Subject::open(self.setting.lab, scene, self.setting.devices)?;
         let streams = subject.streams(self.setting.size, self.setting.args.seed)?;
         let (offered, missing) = offered(self.setting.devices, &subject, &streams)?;
         let tries = tries(&offered, self.fractions);
         let steps = streams.len() * self.task_sizes.len() * tries.len();
-        let stretch = stretch.clone().with_steps(steps, self.setting.repeat + 1);
+        let time = time.clone().with_steps(steps, self.setting.repeat + 1);
         let mut cells = Vec::new();
         for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
             for &size in self.task_sizes {
@@ -130,13 +130,13 @@ impl<'a> Sweep<'a> {
             }
         }
         // Rounds are outermost, so that a machine whose speed drifts slows all settings alike.
-        for round in stretch.rounds(self.setting.repeat) {
+        for round in time.rounds(self.setting.repeat) {
             let mut cells = cells.iter_mut();
             for stream in streams.iter().filter(|stream| !stream.source.is_empty()) {
                 for &size in self.task_sizes {
                     let seed = self.setting.args.seed.wrapping_add(round);
                     let stream = Stream { seed, ..stream.clone().with_task_size(size) };
-                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &stretch)?;
+                    let measured = self.round(&mut subject, &stream, &tries, round as usize, &time)?;
                     let Some(cells) = cells.next() else { break };
                     if round > 0 {
                         cells.iter_mut().zip(measured).for_each(|(cell, sample)| cell.push(seed, sample));
@@ -151,7 +151,7 @@ impl<'a> Sweep<'a> {
         Ok((cells, missing))
     }
 
-    fn cells(&self, scene: &str, stream: &Stream, task_rays: u32, tries: &[Try<'_>]) -> Vec<Cell> {
+    fn cells(&self, scene: &str, stream: &Stream, task_rays: u32, tries: &[Try]) -> Vec<Cell> {
         let cell = |estimator, sampler, fraction| Cell {
             scene: scene.to_owned(),
             stream: stream.kind.to_string(),
@@ -168,9 +168,8 @@ impl<'a> Sweep<'a> {
                 .collect(),
         };
         let regular = REGULAR.iter().map(|regular| cell(format!("none, {}", regular.name), None, 0.0));
-        let tried = tries
-            .iter()
-            .map(|t| cell(t.kind.name.to_owned(), Some(t.kind.sampler_name(stream.kind)), t.fraction.value()));
+        let tried =
+            tries.iter().map(|t| cell(t.kind.name(), Some(t.kind.sampler_name(stream.kind)), t.fraction.value()));
         regular.chain(tried).collect()
     }
 
@@ -179,9 +178,9 @@ impl<'a> Sweep<'a> {
         &self,
         subject: &mut Subject<'_>,
         stream: &Stream,
-        tries: &[Try<'_>],
+        tries: &[Try],
         round: usize,
-        stretch: &Stretch<'_>,
+        time: &TimeBudget<'_>,
     ) -> Result<Vec<([f64; 3], Sample)>> {
         let reference = subject.reference(stream)?;
         let task_s = reference.seconds.first().context("the device failed")?;
@@ -190,7 +189,7 @@ impl<'a> Sweep<'a> {
         for step in 0..tries.len() {
             let index = (round + step) % tries.len();
             let Try { kind, fraction } = &tries[index];
-            let plain = run(subject, stream, Box::new(Uniform))?;
+            let plain = run(subject, stream, contenders::uninformed())?;
             let mut tried = run(subject, stream, kind.estimator(*fraction, stream.kind))?;
             reference.judge(&mut tried);
             samples[REGULAR.len() + index] = (seconds(&tried, &plain), sample(&tried, &plain, task_s));
@@ -200,43 +199,39 @@ impl<'a> Sweep<'a> {
                     slot.1[EXCESS..].copy_from_slice(&excess);
                 }
             }
-            stretch.step();
+            time.step();
         }
         Ok(samples)
     }
 }
 
 /// Estimators whose walk every device has, and the names of the others: graphics cards lack walks that need tables.
-fn offered(
-    devices: &[Arc<dyn Device>],
-    subject: &Subject<'_>,
-    streams: &[Stream],
-) -> Result<(Vec<&'static Kind>, Vec<&'static str>)> {
+fn offered(devices: &[Arc<dyn Device>], subject: &Subject<'_>, streams: &[Stream]) -> Result<(Vec<Kind>, Vec<String>)> {
     let Some(stream) = streams.iter().find(|stream| !stream.source.is_empty()) else {
-        return Ok((KINDS.iter().collect(), Vec::new()));
+        return Ok((kinds().collect(), Vec::new()));
     };
     let scene = Arc::new(subject.scene().clone());
     let mut missing = Vec::new();
     for device in devices {
         let mut tracer = device.tracer(Arc::clone(&scene), clock)?;
         tracer.load_rays(stream.source.clone(), stream.spec)?;
-        for kind in &KINDS {
-            let Some(walk) = (kind.make)(Fraction::SIXTY_FOURTH).walk() else { continue };
+        for kind in kinds() {
+            let Some(walk) = kind.walk() else { continue };
             match tracer.walk(&[0], walk, &mut [TestCounts::default()], None) {
-                Err(error) if error.kind() == DeviceErrorKind::Unsupported => missing.push(kind.name),
+                Err(error) if error.kind() == DeviceErrorKind::Unsupported => missing.push(kind.name()),
                 // Anything else is told where it is measured.
                 _ => {}
             }
         }
     }
-    Ok((KINDS.iter().filter(|kind| !missing.contains(&kind.name)).collect(), missing))
+    Ok((kinds().filter(|kind| !missing.contains(&kind.name())).collect(), missing))
 }
 
 /// Every estimator with every fraction, and walks of all rays where they are wanted.
-fn tries(kinds: &[&'static Kind], fractions: &[f64]) -> Vec<Try<'static>> {
+fn tries(kinds: &[Kind], fractions: &[f64]) -> Vec<Try> {
     let mut tries = Vec::new();
     for &kind in kinds {
-        let every = kind.every_ray.then_some(1.0);
+        let every = kind.every_ray().then_some(1.0);
         let fractions = every.into_iter().chain(fractions.iter().copied()).filter_map(Fraction::new);
         tries.extend(fractions.map(|fraction| Try { kind, fraction }));
     }
@@ -245,7 +240,7 @@ fn tries(kinds: &[&'static Kind], fractions: &[f64]) -> Vec<Try<'static>> {
 
 fn run(subject: &mut Subject<'_>, stream: &Stream, estimator: Box<dyn CostEstimator>) -> Result<StreamRun> {
     // One device has nothing to gain; the virtual ones do.
-    subject.trace(stream, &mut Scheduling { estimator, blind_excess: Some(1.0), ..Scheduling::default() })
+    subject.trace(stream, &mut Scheduling { estimator, uninformed_excess: Some(1.0), ..Scheduling::default() })
 }
 
 fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {
@@ -256,11 +251,10 @@ fn seconds(tried: &StreamRun, plain: &StreamRun) -> [f64; 3] {
 fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.len()]; REGULAR.len()] {
     let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
     REGULAR.map(|regular| {
-        let policy = regular.policy();
-        let queue = Queue::new(&regular.queue, policy.as_deref());
+        let scheduling = regular.scheduling(&ESTIMATORS[0].usual());
         MACHINES.map(|(_, speeds)| {
             let replay = Replay { speeds, task_s, launch_s };
-            metrics::excess(replay.regular(queue, &rays), replay.lower_bound()).unwrap_or(f64::NAN)
+            metrics::excess(replay.regular(&scheduling, &rays), replay.lower_bound()).unwrap_or(f64::NAN)
         })
     })
 }
@@ -272,7 +266,7 @@ fn sample(tried: &StreamRun, plain: &StreamRun, task_s: &[f64]) -> Sample {
     let seen = Observed::of(tried);
     let excess = MACHINES.map(|(_, speeds)| {
         let replay = Replay { speeds, task_s, launch_s: seen.launch_s };
-        let (total, _) = replay.cost_initialised(Queue::HYBRID, &seen);
+        let (total, _) = replay.cost_initialised(&Scheduling::default(), &seen);
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     });
     let estimate = &tried.report.estimate;
@@ -298,5 +292,19 @@ impl Cell {
     /// Whether the rays are coherent.
     pub(super) fn is_primary(&self) -> bool {
         self.stream == StreamKind::Primary.to_string()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mutant: a machine whose excess stands under another's name.
+    #[test]
+    fn every_machine_has_its_metric() {
+        assert_eq!(METRICS.len(), EXCESS + MACHINES.len());
+        for (metric, (name, _)) in METRICS[EXCESS..].iter().zip(MACHINES) {
+            assert_eq!(*metric, format!("excess, {name}"));
+        }
     }
 }

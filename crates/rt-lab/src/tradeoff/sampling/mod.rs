@@ -19,7 +19,7 @@ pub(super) fn run(setting: &Setting<'_>, page: &mut Page) -> Result<()> {
     let (mut cells, mut missing) = (Vec::new(), Vec::new());
     let scenes = &setting.args.scenes;
     for (index, scene) in scenes.iter().enumerate() {
-        let (more, lacking) = sweep.measure(scene, &setting.stretch.equal_part(scenes.len(), index))?;
+        let (more, lacking) = sweep.measure(scene, &setting.time.equal_part(scenes.len(), index))?;
         cells.extend(more);
         missing = lacking;
     }

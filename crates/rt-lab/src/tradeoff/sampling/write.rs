@@ -10,14 +10,14 @@ use rt_report::html::Page;
 use rt_report::table::{Table, grouped};
 use std::fmt::Write as _;
 
-/// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares. 12.5%
-/// of the first row would be more than the second: each is as they measured it.
+/// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares.
+/// 12.5% of the first row would be more than the second: each is as they measured it.
 const PAPER_RATIO: [f64; 2] = [0.425, 0.435];
 const PAPER_OVERHEAD: [f64; 2] = [0.032, 0.041];
 const PAPER_ERROR: [f64; 2] = [0.032, 0.041];
 const PAPER_FRACTION: f64 = 0.125;
 
-pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page: &mut Page) -> Result<()> {
+pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[String], page: &mut Page) -> Result<()> {
     page.section("Samples against accuracy");
     let scenes = scenes(cells);
     for &scene in &scenes {
@@ -26,7 +26,7 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page:
             continue;
         }
         let svg = front::to_svg(&chart)?;
-        setting.write(&format!("sampling-{}.svg", file_part(scene)), &svg)?;
+        setting.write_svg(&format!("sampling-{}.svg", file_part(scene)), &svg)?;
         page.chart(
             &svg,
             "Estimation overhead against error and against the makespan's excess, one line for each estimator",
@@ -42,24 +42,26 @@ pub(super) fn all(setting: &Setting<'_>, cells: &[Cell], missing: &[&str], page:
     page.table("The paper's numbers beside ours, in percent", &paper);
     page.paragraph(NOTES);
     let left_out = (!missing.is_empty()).then(|| {
-        format!("Left out, as {} has no kernel for their walks: {}.", setting.head.device, missing.join("; "))
+        format!(
+            "Left out, as {} has no kernel for their walks: {}.",
+            setting.head.provenance.devices.join(", "),
+            missing.join("; ")
+        )
     });
     left_out.iter().for_each(|text| page.paragraph(text));
     page.folded_table("Every setting, medians in percent", &sweep);
-    let command = &setting.head.command;
     let markdown = format!(
-        "`{command}`\n\n{}\n\n## The paper's numbers beside ours, in percent\n\n{}\n{NOTES} {}\n\n## Every setting, medians in \
+        "## The paper's numbers beside ours, in percent\n\n{}\n{NOTES} {}\n\n## Every setting, medians in \
          percent\n\n{}",
-        setting.head.machine,
         paper.to_markdown(),
         left_out.as_deref().unwrap_or_default(),
         sweep.to_markdown()
     );
-    setting.write("sampling.md", &markdown)?;
+    setting.write_markdown("sampling.md", &markdown)?;
     setting.write("sampling.csv", &csv(setting, cells))?;
     setting.write_json("sampling.json", &cells)?;
-    setting.stretch.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"))?;
-    Ok(left_out.iter().try_for_each(|text| setting.stretch.print(&format!("  {text}")))?)
+    setting.time.print(&format!("\nsamples against accuracy, in percent\n\n{paper}"))?;
+    Ok(left_out.iter().try_for_each(|text| setting.time.print(&format!("  {text}")))?)
 }
 
 /// How to read the tables.

@@ -28,7 +28,8 @@ pub(super) struct Split {
 }
 
 impl Surface {
-    /// The surface `point(u, v)` over the given `u` and `v`. Seen from outside, `u` runs to the right where `v` runs up.
+    /// The surface `point(u, v)` over the given `u` and `v`. Seen from outside, `u` runs to the right where `v` runs
+    /// up.
     pub(super) fn loft(us: &[f32], vs: &[f32], point: impl Fn(f32, f32) -> Vec3) -> Self {
         let mut surface = Self::default();
         for &u in us {

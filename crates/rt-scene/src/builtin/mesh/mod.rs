@@ -230,7 +230,8 @@ mod tests {
         assert!(near(volume(&direct), 6.0), "{}", volume(&direct));
     }
 
-    // Fails when a tube's frame is wound or turns along a bend: its ends are then not where those of a straight one are.
+    // Fails when a tube's frame is wound or turns along a bend: its ends are then not where those of a straight one
+    // are.
     #[test]
     fn a_tube_has_its_outside_outside_and_its_radius_everywhere() {
         let colour = Palette::default().add(0);

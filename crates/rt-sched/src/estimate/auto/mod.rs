@@ -12,26 +12,27 @@ use alloc::vec::Vec;
 use rt_core::{CostEstimator, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Walk, Work};
 use trial::{Part, Trial};
 
-/// Picks for each stream what has predicted such streams best so far, within a budget, or nothing where nothing pays. The
-/// default.
+/// Picks for each stream what has predicted such streams best so far, within a budget, or nothing where nothing pays.
+/// The default.
 ///
-/// * **What may be spent.** An estimate may cost the budget, a share of the trace, or half of what the stream is expected to
-///   lose without one ([`RayStream::blind_excess`]), whichever is less. Costs are device seconds: of walks, beyond what
-///   tracing the same rays would have taken since their hits are kept; and all of the host's work, for which every device
-///   waits. What a stream cost beyond its budget is a debt, and later streams have so much less until it is paid: in the long
-///   run no more than the budget is spent. Only where there is no past to go by, and devices may differ, is the least sample
-///   of one ray in 1,024 made in spite of debts.
+/// * **What may be spent.** An estimate may cost the budget, a share of the trace, or half of what the stream is
+///   expected to lose without one ([`RayStream::uninformed_excess`]), whichever is less. Costs are device seconds: of
+///   walks, beyond what tracing the same rays would have taken since their hits are kept; and all of the host's work,
+///   for which every device waits. What a stream cost beyond its budget is a debt, and later streams have so much less
+///   until it is paid: in the long run no more than the budget is spent. Only where there is no past to go by, and
+///   devices may differ, is the least sample of one ray in 1,024 made in spite of debts.
 /// * **How many samples that is** follows from measured prices of a walked ray and of what the host does with it.
 ///   Where it is less than four a task, and little can be lost, none are made and every ray counts the same
 ///   ([`super::Uniform`]): many small tasks on few equal devices, where a queue that steals has little to lose.
-/// * **Whom to believe.** From the second stream of a kind and part there is its measured past ([`super::History`]), for
-///   nothing. Otherwise samples are walked, and each task's are scaled up ([`super::Sampled`]); or they are made into a map of
-///   costs ([`super::Field`]) where some tasks have none, and where rays are incoherent and a trial has found it better.
+/// * **Whom to believe.** From the second stream of a kind and part there is its measured past ([`super::History`]),
+///   for nothing. Otherwise samples are walked, and each task's are scaled up ([`super::Sampled`]); or they are made
+///   into a map of costs ([`super::Field`]) where some tasks have none, and where rays are incoherent and a trial has
+///   found it better.
 /// * **Trials.** In the second stream of a kind, and in every eighth after it, all three are compared with the measured
-///   seconds of tasks, device by device; where there is a debt to pay first, later. One sample serves all of them. Where the
-///   past predicts the stream meanwhile, only a quarter of the tasks is sampled; a map that is not used is made of a
-///   quarter. The one with the least mean error, over those trials with later ones counting more, makes the next
-///   estimates.
+///   seconds of tasks, device by device; where there is a debt to pay first, later. One sample serves all of them.
+///   Where the past predicts the stream meanwhile, only a quarter of the tasks is sampled; a map that is not used is
+///   made of a quarter. The one with the least mean error, over those trials with later ones counting more, makes the
+///   next estimates.
 ///
 /// Nothing in it depends on which scene is traced.
 #[derive(Debug)]
@@ -94,8 +95,8 @@ const LEAST_SAMPLES: f64 = 4.0;
 /// Share of what can be gained that an estimate may cost: it will not gain all of it.
 const STAKE: f64 = 0.5;
 
-/// Samples are never fewer than one ray in 1,024, which is one for each task of the default size, nor more than one in 16,
-/// beyond which balancing gains nothing measurable.
+/// Samples are never fewer than one ray in 1,024, which is one for each task of the default size, nor more than one in
+/// 16, beyond which balancing gains nothing measurable.
 const FRACTIONS: (f64, f64) = (1.0 / 1024.0, 1.0 / 16.0);
 
 /// Streams of a kind from one trial to the next.
@@ -138,7 +139,7 @@ impl Auto {
     /// The same where `allowed`, a share of the trace, may be spent.
     fn fraction_within(&self, allowed: f64, stream: RayStream<'_>) -> Option<Fraction> {
         let price = self.prices.of(&stream).of_sample(stream.devices, self.sampling_arm(stream).reader());
-        let worth = STAKE * stream.blind_excess / price;
+        let worth = STAKE * stream.uninformed_excess / price;
         let of_task = f64::from(stream.rays()) / stream.tasks.len().max(1) as f64;
         if worth * of_task < LEAST_SAMPLES {
             return None;
@@ -146,8 +147,8 @@ impl Auto {
         Fraction::new(worth.min(allowed / price).clamp(FRACTIONS.0, FRACTIONS.1))
     }
 
-    /// The share of a part's rays to sample for a trial only; `None` where debts leave so little that it would have to be less
-    /// than half of what estimates are made from, and would tell nothing of those.
+    /// The share of a part's rays to sample for a trial only; `None` where debts leave so little that it would have to
+    /// be less than half of what estimates are made from, and would tell nothing of those.
     fn trial_fraction(&self, stream: RayStream<'_>, part: &Part) -> Option<Fraction> {
         let usual = self.fraction_within(self.budget, stream)?.value();
         let reader = if stream.source.is_some() && !stream.is_coherent() { Reader::Map } else { Reader::Tasks };
@@ -178,8 +179,8 @@ impl Auto {
         self.known(kind)?.errors.get(arm as usize).copied().flatten()
     }
 
-    /// The better of the two that need samples; before both are known their own, which cost the host a tenth of a new map and
-    /// know as much.
+    /// The better of the two that need samples; before both are known their own, which cost the host a tenth of a new
+    /// map and know as much.
     fn sampling_arm(&self, stream: RayStream<'_>) -> Arm {
         let [own, map] = [Arm::Exact, Arm::Field].map(|arm| self.error(stream.kind, arm));
         let map_is_better = match (own, map) {

@@ -33,7 +33,7 @@ impl Part {
     pub(super) fn of(stream: RayStream<'_>, fraction: Fraction, per_task: bool) -> Self {
         let smallest = stream.tasks.iter().map(|task| task.rays).min().unwrap_or(0);
         let some = per_task && stream.tasks.len() >= LEAST_TASKS && f64::from(smallest) * fraction.value() >= 1.0;
-        let first = random::below(ONE_IN as u32, stream.seed, stream.part, DIMENSION) as usize;
+        let first = random::below(ONE_IN as u32, stream.seed, stream.wave, DIMENSION) as usize;
         let chosen = |at: &usize| !some || (at / RUN) % ONE_IN == first;
         let of = |at: usize| Some((TaskId::try_from(at).ok()?, *stream.tasks.get(at)?));
         let (ids, tasks) = (0..stream.tasks.len()).filter(chosen).filter_map(of).unzip();
@@ -139,8 +139,8 @@ mod tests {
     use super::*;
     use rt_core::{Coherence, StreamKind, tasks_of};
 
-    /// Mutants: no early return, which would give the part's tasks the estimates of the stream's first ones; one always, which
-    /// would take the part's estimates for the first tasks'.
+    /// Mutants: no early return, which would give the part's tasks the estimates of the stream's first ones; one
+    /// always, which would take the part's estimates for the first tasks'.
     #[test]
     fn an_estimate_of_a_part_is_its_tasks_and_one_of_all_stays() {
         let tasks = tasks_of(256 * 1_024, 1_024);
@@ -150,10 +150,10 @@ mod tests {
             coherence: Coherence::Unknown,
             tasks: &tasks,
             seed: 3,
-            part: 0,
+            wave: 0,
             source: None,
             devices: 2,
-            blind_excess: 1.0,
+            uninformed_excess: 1.0,
         };
         let part = Part::of(stream, Fraction::new(1.0 / 64.0).expect("valid"), true);
         assert!(part.is_less_than(stream) && !part.ids.is_empty());

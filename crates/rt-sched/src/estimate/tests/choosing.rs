@@ -6,7 +6,7 @@ use crate::queue::StaticQueue;
 use crate::simulate::Simulation;
 use rt_core::StreamRecord;
 
-/// A stream of 256 tasks, most of which cost little and alike; a tenth of it is dear and noisy.
+/// A stream of 256 tasks, most of which cost little and alike; a tenth of it is expensive and noisy.
 fn patchy(ray: u32) -> TestCounts {
     let task = ray / 1_024;
     let [a, b] = random::pair(31, ray, 0);
@@ -36,13 +36,14 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
 
-/// Devices, what a walked ray costs beside a traced one, and by how much the adaptive makespan may exceed that of the best of
-/// four fixed fractions, which is known only afterwards. Over 128 seeds it does so by 0.2, 0.7, 0.4 and 1.5 ± 0.3%: in the last
-/// case the first sample, one ray in 256, would have been enough, and a second that seems worth its price is not.
+/// Devices, what a walked ray costs beside a traced one, and by how much the adaptive makespan may exceed that of the
+/// best of four fixed fractions, which is known only afterwards. Over 128 seeds it does so by 0.2, 0.7, 0.4 and 1.5 ±
+/// 0.3%: in the last case the first sample, one ray in 256, would have been enough, and a second that seems worth its
+/// price is not.
 const WORTH: [(u32, f64, f64); 4] = [(4, 1.1, 1.01), (4, 3.0, 1.01), (16, 1.1, 1.01), (16, 6.0, 1.02)];
 
-/// On the simulator, sampling as long as it pays comes as near to the best fixed fraction as [`WORTH`] says, whatever a walk
-/// costs, and no fixed fraction does so for every price.
+/// On the simulator, sampling as long as it pays comes as near to the best fixed fraction as [`WORTH`] says, whatever a
+/// walk costs, and no fixed fraction does so for every price.
 ///
 /// Mutants: an allocation in proportion to the tasks' rays; `best` without the price; a gain that is never enough.
 #[test]
@@ -126,8 +127,8 @@ fn run(auto: &mut Auto, stream: RayStream<'_>, work: &[Work], counts: &dyn Fn(u3
     });
 }
 
-/// Mutants: a past that is never believed; one that is never put to the test; a price that is not learned; trials in every
-/// stream.
+/// Mutants: a past that is never believed; one that is never put to the test; a price that is not learned; trials in
+/// every stream.
 #[test]
 fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     let tasks = tasks_of(64 * 256, 256);
@@ -153,8 +154,9 @@ fn auto_keeps_to_its_budget_and_to_what_predicts_best() {
     assert_eq!(auto.name(), "auto");
 }
 
-/// Device seconds of estimates beyond what tracing their rays would have taken, as a share of the trace of `streams` streams;
-/// and the share of rays walked in each. A traced ray takes a second, a walked one `price`, the host `host` for each.
+/// Device seconds of estimates beyond what tracing their rays would have taken, as a share of the trace of `streams`
+/// streams; and the share of rays walked in each. A traced ray takes a second, a walked one `price`, the host `host`
+/// for each.
 fn spent(
     auto: &mut Auto,
     stream: &dyn Fn(u32) -> RayStream<'static>,
@@ -191,8 +193,8 @@ fn spent(
     (cost / all, shares)
 }
 
-/// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing is known,
-/// and the least samples of streams without a past. Trials are of a quarter of the tasks.
+/// Whatever samples cost, all estimates together cost what the budget allows, but for the first one, of which nothing
+/// is known, and the least samples of streams without a past. Trials are of a quarter of the tasks.
 ///
 /// Mutants: a host that costs nothing; a past that has to wait for its trial; trials of all tasks.
 #[test]
@@ -209,7 +211,7 @@ fn auto_pays_its_debts() {
             assert!(share < 0.3 * 0.005 / (price - 1.0 + host) || share < 0.3 / 1_024.0, "{price} {host}: {shares:?}");
         }
         // Every stream is another part of the picture: no past, and samples in each of them.
-        let parts = |seed| RayStream { part: seed, ..repeated(seed) };
+        let parts = |seed| RayStream { wave: seed, ..repeated(seed) };
         let (cost, shares) = spent(&mut Auto::default(), &parts, 32, price, host);
         assert!(cost <= 0.0055_f64.max(1.1 * (price - 1.0 + host) / 1_024.0), "{price} {host}: {cost}");
         assert!(shares.iter().all(|share| *share > 0.0));
@@ -222,11 +224,11 @@ fn auto_pays_its_debts() {
 #[test]
 fn auto_pays_for_prices_it_believed() {
     let tasks: &'static [Task] = Vec::leak(tasks_of(256 * 1_024, 1_024));
-    let parts = |seed| RayStream { part: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
+    let parts = |seed| RayStream { wave: seed, ..super::stream(StreamKind::Primary, tasks, seed) };
     let mut auto = Auto::default();
-    let [cheap, dear] = [1.5, 4.0];
+    let [cheap, expensive] = [1.5, 4.0];
     let cost: f64 =
-        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { dear }, 0.0).0).sum();
+        (0..32).map(|i| spent(&mut auto, &|_| parts(i), 1, if i % 2 == 0 { cheap } else { expensive }, 0.0).0).sum();
     assert!(cost / 32.0 <= 0.0055, "{}", cost / 32.0);
 }
 
@@ -236,17 +238,17 @@ fn auto_pays_for_prices_it_believed() {
 #[test]
 fn auto_estimates_nothing_where_nothing_pays() {
     let tasks = tasks_of(256 * 1_024, 1_024);
-    let stream = |blind_excess| RayStream { blind_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
+    let stream = |uninformed_excess| RayStream { uninformed_excess, ..super::stream(StreamKind::Primary, &tasks, 1) };
     let mut auto = Auto::default();
     // At the assumed price of 3, and two devices that wait for the host, four samples a task cost 0.86% of the trace.
-    for (part, (blind, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
-        let stream = RayStream { part, ..stream(blind) };
+    for (wave, (excess, walks)) in (0..).zip([(0.05, true), (0.018, true), (0.016, false), (0.0, false)]) {
+        let stream = RayStream { wave, ..stream(excess) };
         let (work, walked) = estimate(&mut auto, stream, &primary);
-        assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{blind}");
+        assert_eq!((walked > 0, auto.counts_tests()), (walks, walks), "{excess}");
         assert_eq!(auto.chosen() == "uniform", !walks);
         assert_eq!(work.len(), tasks.len());
     }
-    // Cheaper samples make smaller gains worth them; what the host does makes them dearer.
+    // Cheaper samples make smaller gains worth them; what the host does makes them more expensive.
     let finish = |auto: &mut Auto, host_s| {
         let (stream, n) = (stream(1.0), 1_000);
         let seconds = StreamRecord { stream, walked_rays: n, walk_s: 1.1, traced_rays: n, trace_s: 1.0, host_s };
@@ -271,7 +273,7 @@ fn auto_leaves_a_past_that_is_wrong() {
     let tasks = tasks_of(256 * 1_024, 1_024);
     let mut auto = Auto::default();
     for seed in 0..12 {
-        // Every frame is dear elsewhere.
+        // Every frame is expensive elsewhere.
         let counts = |ray: u32| TestCounts {
             boxes: (60.0 + 50.0 * libm::sinf((ray + 7_919 * seed) as f32 / 5_000.0)) as u32,
             triangles: 4,
@@ -284,8 +286,8 @@ fn auto_leaves_a_past_that_is_wrong() {
     }
 }
 
-/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in different
-/// places.
+/// What predicted measured seconds best makes the next estimate: the map, where tasks that follow each other lie in
+/// different places.
 ///
 /// Mutants: the worse of the two in `Auto::sampling_arm`; errors of the chosen arm only.
 #[test]
@@ -297,7 +299,7 @@ fn auto_believes_the_map_where_it_predicts_better() {
     for seed in 0..4 {
         // Every stream is another part of the picture, so none has a past.
         let stream =
-            RayStream { source: Some(&source), part: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
+            RayStream { source: Some(&source), wave: seed, ..super::stream(StreamKind::Diffuse(0), &tasks, seed) };
         let (work, walked) = estimate(&mut auto, stream, &counts);
         // Nothing is known in the first stream, and the second is the trial.
         assert_eq!(auto.chosen(), if seed < 2 { "exact" } else { "field" }, "stream {seed}");

@@ -9,8 +9,8 @@ pub(super) fn bounced(per_cell: u32) -> RaySource {
     bounced_in(per_cell, |cell| cell)
 }
 
-/// The same in an order in which `block` cells, a power of two, follow upon others that lie elsewhere: neighbours in the
-/// stream know nothing of each other.
+/// The same in an order in which `block` cells, a power of two, follow upon others that lie elsewhere: neighbours in
+/// the stream know nothing of each other.
 pub(super) fn scattered(per_cell: u32, block: u32) -> RaySource {
     bounced_in(per_cell, |cell| (cell / block * 101) % (128 * 128 / block) * block + cell % block)
 }
@@ -26,7 +26,7 @@ fn bounced_in(per_cell: u32, cell: impl Fn(u32) -> u32) -> RaySource {
     RaySource::Explicit { rays: (0..128 * 128 * per_cell).map(ray).collect(), origins: None }
 }
 
-/// Dear where the square is cluttered, and in directions that look towards the clutter; noisy.
+/// Expensive where the square is cluttered, and in directions that look towards the clutter; noisy.
 pub(super) fn cost(source: &RaySource, ray: u32) -> TestCounts {
     let (r, _) = source.ray(ray);
     let place = 40.0 * libm::sinf(r.origin.x / 20.0) * libm::sinf(r.origin.y / 14.0);
@@ -97,7 +97,8 @@ fn standard_errors_of_the_map_hold() {
 
 /// One sample a task cannot tell how far its task is off: no error is claimed.
 ///
-/// Mutant: all of their spread taken for that of rays, by which errors are 0 and 95% intervals hold in a fifth of the tasks.
+/// Mutant: all of their spread taken for that of rays, by which errors are 0 and 95% intervals hold in a fifth of the
+/// tasks.
 #[test]
 fn one_sample_a_task_claims_no_error() {
     let source = bounced(4);

@@ -14,7 +14,16 @@ use rt_core::{
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { kind, coherence: Coherence::Unknown, tasks, seed, part: 0, source: None, devices: 2, blind_excess: 1.0 }
+    RayStream {
+        kind,
+        coherence: Coherence::Unknown,
+        tasks,
+        seed,
+        wave: 0,
+        source: None,
+        devices: 2,
+        uninformed_excess: 1.0,
+    }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
@@ -123,7 +132,8 @@ fn coverage(kind: StreamKind, fraction: f64, counts: &dyn Fn(u32) -> TestCounts)
 
 /// Tasks are alike here: neighbours say almost all, of which the interval's few degrees of freedom know nothing.
 ///
-/// Mutants: no finite population correction (fails at one half), `n` instead of `n − 1`, successive differences without the 2.
+/// Mutants: no finite population correction (fails at one half), `n` instead of `n − 1`, successive differences without
+/// the 2.
 #[test]
 fn intervals_hold_what_they_say() {
     for fraction in [1.0 / 128.0, 1.0 / 32.0, 0.125, 0.5] {
@@ -134,8 +144,8 @@ fn intervals_hold_what_they_say() {
     }
 }
 
-/// What real scenes have: costs that rise across a task, and few dear rays among many cheap ones, more in some tasks than in
-/// others.
+/// What real scenes have: costs that rise across a task, and few expensive rays among many cheap ones, more in some
+/// tasks than in others.
 ///
 /// Mutants: strided samples at equal steps; random samples without the floor, or with the narrow window, of their
 /// neighbourhood.
@@ -144,14 +154,14 @@ fn intervals_hold_for_slopes_and_rare_dear_rays() {
     let slope = |ray: u32| TestCounts { boxes: 100 + ray % 1_024 + random::below(40, 3, ray, 0), triangles: 2 };
     let rare = |ray: u32| {
         let one_in = 10 + ray / 1_024 / 100;
-        let dear = random::below(one_in, 4, ray, 0) == 0;
-        TestCounts { boxes: if dear { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
+        let expensive = random::below(one_in, 4, ray, 0) == 0;
+        TestCounts { boxes: if expensive { 200 + random::below(200, 5, ray, 0) } else { 8 }, triangles: 1 }
     };
     for samples in [16.0, 32.0, 128.0] {
         let strided = coverage(StreamKind::Primary, samples / 1_024.0, &slope);
         assert!(strided >= 0.93, "slope, {samples}: {strided}");
         let random = coverage(StreamKind::Diffuse(0), samples / 1_024.0, &rare);
-        assert!(random >= 0.93, "rare dear rays, {samples}: {random}");
+        assert!(random >= 0.93, "rare expensive rays, {samples}: {random}");
     }
 }
 
@@ -187,8 +197,8 @@ fn pooled_intervals_hold_what_they_say() {
 
 /// What neighbours know helps where tasks are alike or change slowly, and hurts little where none is like the next.
 ///
-/// Mutants: neighbours always believed; never believed; `t²` without the noise taken off (all but the first case hold then);
-/// standard errors without what neighbours took away.
+/// Mutants: neighbours always believed; never believed; `t²` without the noise taken off (all but the first case hold
+/// then); standard errors without what neighbours took away.
 #[test]
 fn incoherent_tasks_learn_from_their_neighbours() {
     let noisy = |ray: u32, level: f32| {
@@ -215,7 +225,8 @@ fn incoherent_tasks_learn_from_their_neighbours() {
             claimed += f64::from(work.std_error().expect("enough samples")) / truth;
         }
         assert!(shrunk < most * own, "{case}: {shrunk} of {own}");
-        // A mean error of 0.8 standard errors, were they normal; where each task is another, all of that counts as noise.
+        // A mean error of 0.8 standard errors, were they normal; where each task is another, all of that counts as
+        // noise.
         let least = if case < 2 { 0.4 } else { 0.1 };
         assert!((least..=1.0).contains(&(shrunk / claimed)), "{case}: {shrunk}, {claimed} claimed");
     }
@@ -259,7 +270,7 @@ fn history_asks_once_and_then_remembers_what_was_measured() {
     let factors: Vec<f32> = first.iter().zip(&second).map(|(a, b)| b.tests() / a.tests()).collect();
     assert_eq!(factors, [1.0, 2.0, 0.5, 4.0], "corrected, but not by a disturbance");
     let diffuse_stream = RayStream { kind: StreamKind::Diffuse(0), ..stream };
-    let other_part = RayStream { part: 1, ..stream };
+    let other_part = RayStream { wave: 1, ..stream };
     assert_eq!(estimate(&mut history, diffuse_stream, &diffuse).1, 256, "another kind is another history");
     assert_eq!(estimate(&mut history, other_part, &primary).1, 256, "so is another part of the picture");
     learn(&mut history, diffuse_stream, &first, &|_| f64::NAN);

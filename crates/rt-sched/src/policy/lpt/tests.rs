@@ -59,8 +59,8 @@ fn uniform_work_is_dealt_round_robin() {
 fn extremes_do_not_panic() {
     assert_eq!(Lpt.schedule(&works(&[1.0]), &[]).lists().len(), 0);
     assert_eq!(Lpt.schedule(&[], &[CostModel::UNIT; 2]).seconds(), [0.0, 0.0]);
-    let dear = [CostModel::new(f64::MAX, 1.0, f64::MAX, f64::MAX).expect("valid"), CostModel::UNIT];
-    for devices in [&dear[..], &dear[..1], &[dear[0]; 3]] {
+    let expensive = [CostModel::new(f64::MAX, 1.0, f64::MAX, f64::MAX).expect("valid"), CostModel::UNIT];
+    for devices in [&expensive[..], &expensive[..1], &[expensive[0]; 3]] {
         for cost in [f32::MAX, f32::from_bits(1), 0.0] {
             let schedule = Lpt.schedule(&works(&[cost; 5]), devices);
             assert_eq!(schedule.lists().iter().map(Vec::len).sum::<usize>(), 5);
@@ -82,7 +82,7 @@ fn a_launch_is_paid_before_the_first_task() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// R. L. Graham's bound. Mutants: `dearest_first` in increasing order; `replace_first` of the tree that
+    /// R. L. Graham's bound. Mutants: `most_expensive_first` in increasing order; `replace_first` of the tree that
     /// does not write the root.
     #[test]
     fn is_within_grahams_bound_of_the_optimum(costs in prop::collection::vec(0_u32..100, 1..9), m in 1_usize..4) {
@@ -101,8 +101,8 @@ proptest! {
     ) {
         let schedule = Lpt.schedule(&works(&costs), &models(&vec![1e-9; m]));
         let least = schedule.seconds().iter().copied().fold(f64::INFINITY, f64::min);
-        let dearest = f64::from(costs.iter().copied().fold(0.0, f32::max)) * 1e-9;
-        prop_assert!(schedule.makespan() - least <= dearest * (1.0 + 1e-6));
+        let highest = f64::from(costs.iter().copied().fold(0.0, f32::max)) * 1e-9;
+        prop_assert!(schedule.makespan() - least <= highest * (1.0 + 1e-6));
     }
 
     /// Whole costs and power-of-two speeds, so that the plain algorithm's sums are exact and ties agree.

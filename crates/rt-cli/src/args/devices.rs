@@ -1,0 +1,55 @@
+//! How devices are used.
+
+use anyhow::{Context, Result};
+use clap::{Args, ValueEnum};
+use rt_balance::Device;
+use rt_balance::cpu::Isa;
+use rt_balance::devices::{self, CardOptions, Opener};
+use rt_balance::vulkan::{Layout, Layouts, Tuning};
+use std::sync::Arc;
+
+/// Choices about devices, none of which changes a nearest hit.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct DeviceArgs {
+    /// Instructions that processors trace with: portable, avx2 or avx512 [default: the environment variable
+    /// RAYBALANCE_ISA, else the best there are]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) isa: Option<Isa>,
+    /// Tree that graphics cards find hits over; tests are counted over the two-wide one
+    #[arg(long, value_enum, default_value_t = LayoutArg::Auto)]
+    pub(crate) layout: LayoutArg,
+    /// Lanes of each launch on graphics cards, which take ray after ray until none is left (persistent threads): best
+    /// as many as the card runs at once [default: a lane for each ray]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1 << 24))]
+    pub(crate) persistent: Option<u32>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutArg {
+    /// The wide one, unless it does not fit
+    #[default]
+    Auto,
+    /// The scene's own, two children to a node
+    Two,
+    /// Eight children to a node, compressed; the two-wide one where it does not fit
+    Wide,
+}
+
+impl DeviceArgs {
+    /// Those about graphics cards.
+    pub(crate) fn cards(self) -> CardOptions {
+        let layouts = match self.layout {
+            LayoutArg::Auto => None,
+            LayoutArg::Two => Some(Layouts { trace: Layout::Two, count: Layout::Two }),
+            LayoutArg::Wide => Some(Layouts { trace: Layout::Wide, count: Layout::Two }),
+        };
+        CardOptions { layouts, tuning: Tuning { persistent_lanes: self.persistent, ..Tuning::default() } }
+    }
+
+    /// Opens the devices of `--devices`, to work at the same time.
+    pub(crate) fn open(self, list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
+        let mut opener = Opener::with_cards(self.cards()).with_isa(self.isa);
+        let opened = opener.open(list.unwrap_or(devices::AUTO)).context("--devices")?;
+        Ok(opened.into_iter().map(|opened| opened.device).collect())
+    }
+}

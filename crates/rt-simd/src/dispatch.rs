@@ -1,0 +1,91 @@
+//! The kernels, compiled once for each set of instructions.
+#![cfg_attr(
+    target_arch = "x86_64",
+    expect(unsafe_code, reason = "whether the processor has the instructions is known only at run time")
+)]
+
+use crate::isa::Found;
+use crate::lanes::{LANES, Level};
+#[cfg(target_arch = "x86_64")]
+use crate::lanes::{avx2::Avx2, avx512::Avx512};
+use crate::packet::{Packet, RAYS};
+use crate::rays::Frame;
+use rt_bvh::BlockTree;
+use rt_core::{Hit, Query, Ray};
+
+/// Rays to trace in packets, in the order in which they are.
+pub(crate) struct Batch<'a> {
+    pub(crate) tree: &'a BlockTree,
+    pub(crate) frame: &'a Frame,
+    pub(crate) packet: &'a mut Packet,
+    pub(crate) query: Query,
+    /// Where so few rays of a packet are left they go on alone.
+    pub(crate) few: u32,
+    pub(crate) rays: &'a [Ray],
+    /// An entry for each ray, or none.
+    pub(crate) excluded: &'a [u32],
+    pub(crate) hits: &'a mut [Hit],
+}
+
+impl Found {
+    /// Traces a batch.
+    pub(crate) fn run(self, batch: Batch<'_>) {
+        match self {
+            Self::Portable(level) => batch.run(level),
+            // SAFETY: the proof says that the processor has what the function is compiled for.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2(level) => unsafe { run_avx2(level, batch) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512(level) => unsafe { run_avx512(level, batch) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx2(level: Avx2, batch: Batch<'_>) {
+    batch.run(level);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx512(level: Avx512, batch: Batch<'_>) {
+    batch.run(level);
+}
+
+impl Batch<'_> {
+    // Inlined, as all below, so that it is compiled for the instructions of its caller.
+    #[inline(always)]
+    fn run<L: Level>(self, level: L) {
+        match self.query {
+            Query::Closest => self.trace::<L, false>(level),
+            Query::Any => self.trace::<L, true>(level),
+        }
+    }
+
+    #[inline(always)]
+    fn trace<L: Level, const ANY: bool>(self, level: L) {
+        let Self { tree, frame, packet, few, query, mut excluded, .. } = self;
+        for (rays, hits) in self.rays.chunks(RAYS).zip(self.hits.chunks_mut(RAYS)) {
+            let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
+            excluded = others;
+            let mut extreme = 0;
+            let mut theirs = own.chunks(LANES);
+            for (i, (group, rays)) in packet.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
+                group.set(level, frame, rays, theirs.next().unwrap_or_default());
+                extreme |= u64::from(group.extreme) << (LANES * i);
+            }
+            packet.trace::<L, ANY>(level, tree, frame, rays, few);
+            for (group, hits) in packet.groups.iter().zip(hits.chunks_mut(LANES)) {
+                group.write(level, hits);
+            }
+            while extreme != 0 {
+                let i = extreme.trailing_zeros() as usize;
+                extreme &= extreme - 1;
+                let excluded = own.get(i).copied().unwrap_or(u32::MAX);
+                hits[i] = crate::alone::trace(tree, frame, &rays[i], excluded, query);
+            }
+        }
+    }
+}

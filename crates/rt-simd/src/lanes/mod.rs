@@ -1,0 +1,168 @@
+//! Numbers side by side, a lane each: what kernels compute with, and its three implementations.
+//!
+//! A [`Level`] makes words of numbers; words compute. There is a level for AVX-512, one for AVX2 and one of plain
+//! arrays, which compilers turn into whatever the target has. Kernels are generic over it and inlined into one function
+//! a level that is compiled for its instructions (the module `dispatch`).
+//!
+//! Sums, differences, products and quotients are rounded once each, as IEEE 754 says, to the same bits on every level.
+//! Only `mul_sub` and `neg_mul_add` may round once or twice.
+
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx2;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx512;
+pub(crate) mod portable;
+#[cfg(test)]
+mod tests;
+
+use core::ops::{Add, Div, Mul, Sub};
+
+/// Lanes of a word of single-precision numbers: rays that are set up and tested together.
+pub(crate) const LANES: usize = 16;
+
+/// A number for each ray, as memory holds it.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct Lanes(pub(crate) [f32; LANES]);
+
+/// A number in double precision for each ray.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
+pub(crate) struct WideLanes(pub(crate) [f64; LANES]);
+
+impl Lanes {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    /// The lower or the upper eight.
+    #[inline(always)]
+    pub(crate) fn half(&self, half: usize) -> &[f32; 8] {
+        &self.0.as_chunks().0[half]
+    }
+
+    /// The lower or the upper eight.
+    #[inline(always)]
+    pub(crate) fn half_mut(&mut self, half: usize) -> &mut [f32; 8] {
+        &mut self.0.as_chunks_mut().0[half]
+    }
+}
+
+impl WideLanes {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+
+    /// The lower or the upper eight.
+    #[inline(always)]
+    pub(crate) fn half(&self, half: usize) -> &[f64; 8] {
+        &self.0.as_chunks().0[half]
+    }
+
+    /// The lower or the upper eight.
+    #[inline(always)]
+    pub(crate) fn half_mut(&mut self, half: usize) -> &mut [f64; 8] {
+        &mut self.0.as_chunks_mut().0[half]
+    }
+}
+
+/// A set of instructions. Having a value of it proves that the processor has them.
+pub(crate) trait Level: Copy {
+    /// Sixteen numbers in single precision.
+    type F16: Floats16<Half = Self::F8>;
+    /// Eight of them.
+    type F8: Floats8<Wide = Self::D8>;
+    /// Eight numbers in double precision.
+    type D8: Doubles8<Narrow = Self::F8>;
+
+    /// The same number in all lanes.
+    fn splat(self, x: f32) -> Self::F16;
+    fn splat8(self, x: f32) -> Self::F8;
+    fn splat_wide(self, x: f64) -> Self::D8;
+
+    fn load(self, from: &Lanes) -> Self::F16;
+    fn load8(self, from: &[f32; 8]) -> Self::F8;
+    fn load_wide(self, from: &[f64; 8]) -> Self::D8;
+
+    /// The first twelve of sixteen numbers, and zeros.
+    fn load12(self, from: &[f32; LANES]) -> Self::F16;
+
+    /// The columns of a table of sixteen rows.
+    fn columns(self, rows: &[[f32; 8]; LANES]) -> [Self::F16; 8];
+}
+
+/// What all words can do.
+pub(crate) trait Floats:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// A bit for each lane.
+    type Set;
+
+    /// The lesser of each two numbers; neither is NaN where it matters.
+    fn lesser(self, other: Self) -> Self;
+    /// The greater of each two.
+    fn greater(self, other: Self) -> Self;
+    fn abs(self) -> Self;
+    /// Where this is less, or equal; not where either is NaN.
+    fn not_above(self, other: Self) -> Self::Set;
+    /// Where this is less.
+    fn below(self, other: Self) -> Self::Set;
+    /// This where the set has a bit, the other number elsewhere.
+    fn or_else(self, set: Self::Set, other: Self) -> Self;
+}
+
+pub(crate) trait Floats16: Floats<Set = u16> {
+    type Half;
+
+    fn store(self, to: &mut Lanes);
+    /// The lower or the upper eight.
+    fn half(self, half: usize) -> Self::Half;
+    /// `self · b − c`, rounded once or twice.
+    fn mul_sub(self, b: Self, c: Self) -> Self;
+    /// `c − self · b`, rounded once or twice.
+    fn neg_mul_add(self, b: Self, c: Self) -> Self;
+    /// Of this magnitude, which is not negative, and of the other's sign.
+    fn with_sign_of(self, other: Self) -> Self;
+    /// The greatest power of two that is not above the magnitude, for normal numbers.
+    fn power_below(self) -> Self;
+    /// One over powers of two of which both are normal numbers.
+    fn reciprocal_of_power(self) -> Self;
+    /// The least of all lanes.
+    fn least(self) -> f32;
+    /// The greatest of all lanes.
+    fn greatest(self) -> f32;
+    /// Groups of four lanes, in the order 2, 0, 1, 3.
+    fn groups_cab(self) -> Self;
+    /// Groups of four lanes, in the order 1, 2, 0, 3.
+    fn groups_bca(self) -> Self;
+    /// The rows of a table of four columns. Bits are only moved, whatever they mean.
+    fn rows(columns: [Self; 4]) -> [[f32; 4]; LANES];
+}
+
+pub(crate) trait Floats8: Floats<Set = u8> {
+    type Wide;
+    /// Slots of a node in an order.
+    type Slots: Slots;
+
+    fn store(self, to: &mut [f32; 8]);
+    /// `self · b − c`, rounded once or twice.
+    fn mul_sub(self, b: Self, c: Self) -> Self;
+    /// Where the bits are these.
+    fn same_bits(self, bits: u32) -> u8;
+    fn widen(self) -> Self::Wide;
+    /// The slots in which `self ≤ far`, in the order of three bits each from the lowest up, and their number.
+    fn not_above_in_order(self, far: Self, order: u32) -> (Self::Slots, usize);
+    /// The numbers of these slots; behind them, anything.
+    fn pick(self, slots: Self::Slots) -> Self;
+}
+
+/// Numbers of slots, each below 8.
+pub(crate) trait Slots: Copy {
+    fn store(self, to: &mut [u32; 8]);
+    /// The words of these slots; behind them, anything.
+    fn pick(self, words: &[u32; 8], to: &mut [u32; 8]);
+}
+
+pub(crate) trait Doubles8: Floats<Set = u8> {
+    type Narrow;
+
+    fn store(self, to: &mut [f64; 8]);
+    /// Rounded to single precision.
+    fn narrow(self) -> Self::Narrow;
+}

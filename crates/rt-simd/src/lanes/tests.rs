@@ -1,0 +1,203 @@
+//! Every operation of every level against the same operation on plain numbers.
+
+use super::*;
+use crate::isa::{Found, Isa};
+use rt_core::random;
+
+/// Numbers of all sizes, zeros of both signs and infinities among them.
+fn numbers(seed: u32) -> [f32; LANES] {
+    core::array::from_fn(|i| {
+        let [a, b] = random::pair(seed, i as u32, 0);
+        match (b * 12.0) as u32 {
+            0 => [0.0, -0.0, f32::INFINITY, f32::NEG_INFINITY][(a * 4.0) as usize],
+            1 => f32::from_bits((a * 16_777_216.0) as u32 * 255),
+            2 => [1.0, -1.0, 0.5][(a * 3.0) as usize],
+            _ => 2.0 * a - 1.0,
+        }
+    })
+}
+
+fn check<L: Level>(level: L) {
+    for seed in 0..200 {
+        let [a, b, c] = [3 * seed, 3 * seed + 1, 3 * seed + 2].map(|seed| Lanes(numbers(seed)));
+        sixteen(level, &a, &b, &c);
+        eight(level, &a, &b, seed);
+        for half in 0..2 {
+            wide(level, a.half(half).map(f64::from), b.half(half).map(f64::from), seed as u8);
+        }
+        columns_and_rows(level, seed);
+    }
+}
+
+fn bits(numbers: &[f32; LANES]) -> [u32; LANES] {
+    numbers.map(f32::to_bits)
+}
+
+fn sixteen<L: Level>(level: L, a: &Lanes, b: &Lanes, c: &Lanes) {
+    let (x, y, z) = (level.load(a), level.load(b), level.load(c));
+    let stored = |word: L::F16| {
+        let mut to = Lanes::ZERO;
+        word.store(&mut to);
+        to.0
+    };
+    let same = |word: L::F16, of: &dyn Fn(usize) -> f32, name: &str| {
+        let want: [f32; LANES] = core::array::from_fn(of);
+        let got = stored(word);
+        // What a NaN looks like is nobody's business.
+        let alike = got.iter().zip(&want).all(|(g, w)| g.to_bits() == w.to_bits() || g.is_nan() && w.is_nan());
+        assert!(alike, "{name}: {got:?} {want:?}\n{a:?}\n{b:?}\n{c:?}");
+    };
+    let (a, b, c) = (&a.0, &b.0, &c.0);
+    same(x, &|i| a[i], "load");
+    same(level.splat(a[3]), &|_| a[3], "splat");
+    same(x + y, &|i| a[i] + b[i], "add");
+    same(x - y, &|i| a[i] - b[i], "sub");
+    same(x * y, &|i| a[i] * b[i], "mul");
+    same(x / y, &|i| a[i] / b[i], "div");
+    same(x.lesser(y), &|i| if a[i] < b[i] { a[i] } else { b[i] }, "lesser");
+    same(x.greater(y), &|i| if a[i] > b[i] { a[i] } else { b[i] }, "greater");
+    same(x.abs(), &|i| a[i].abs(), "abs");
+    same(x.abs().with_sign_of(y), &|i| a[i].abs().copysign(b[i]), "sign");
+    same(x.power_below(), &|i| f32::from_bits(a[i].to_bits() & 0x7f80_0000), "power");
+    for e in -125..126 {
+        let power = |e: i32| f32::from_bits(((e + 127) as u32) << 23);
+        same(level.splat(power(e)).reciprocal_of_power(), &|_| power(-e), "reciprocal");
+    }
+    let set = |of: &dyn Fn(usize) -> bool| (0..LANES).fold(0, |set, i| set | u16::from(of(i)) << i);
+    assert_eq!(x.not_above(y), set(&|i| a[i] <= b[i]));
+    assert_eq!(x.below(y), set(&|i| a[i] < b[i]));
+    // Some of the quotients are NaN.
+    assert_eq!((x / y).not_above(z), set(&|i| a[i] / b[i] <= c[i]));
+    let some = (a[0].to_bits() ^ b[1].to_bits()) as u16;
+    same(x.or_else(some, y), &|i| if some >> i & 1 == 1 { a[i] } else { b[i] }, "or else");
+    same(x.groups_cab(), &|i| a[[8, 0, 4, 12][i / 4] + i % 4], "cab");
+    same(x.groups_bca(), &|i| a[[4, 8, 0, 12][i / 4] + i % 4], "bca");
+    same(level.load12(a), &|i| if i < 12 { a[i] } else { 0.0 }, "twelve");
+    assert_eq!(x.least(), a.iter().copied().fold(a[0], f32::min));
+    assert_eq!(x.greatest(), a.iter().copied().fold(a[0], f32::max));
+    // Once or twice rounded.
+    let either = |word: L::F16, once: &dyn Fn(usize) -> f32, twice: &dyn Fn(usize) -> f32| {
+        for (i, got) in stored(word).into_iter().enumerate() {
+            let alike = |want: f32| got.to_bits() == want.to_bits() || got.is_nan() && want.is_nan();
+            assert!(alike(once(i)) || alike(twice(i)), "{got} {} {}", once(i), twice(i));
+        }
+    };
+    either(x.mul_sub(y, z), &|i| libm::fmaf(a[i], b[i], -c[i]), &|i| a[i] * b[i] - c[i]);
+    either(x.neg_mul_add(y, z), &|i| libm::fmaf(-a[i], b[i], c[i]), &|i| c[i] - a[i] * b[i]);
+    for half in 0..2 {
+        let mut eight = [0.0; 8];
+        x.half(half).store(&mut eight);
+        assert_eq!(eight.map(f32::to_bits), core::array::from_fn(|i| a[8 * half + i].to_bits()));
+    }
+}
+
+fn eight<L: Level>(level: L, a: &Lanes, b: &Lanes, seed: u32) {
+    let (x, y) = (level.load8(a.half(0)), level.load8(b.half(0)));
+    let (a, b) = (a.half(0), b.half(0));
+    let stored = |word: L::F8| {
+        let mut to = [0.0; 8];
+        word.store(&mut to);
+        to
+    };
+    let alike = |word: L::F8, of: &dyn Fn(usize) -> f32| {
+        for (i, got) in stored(word).into_iter().enumerate() {
+            assert!(got.to_bits() == of(i).to_bits() || got.is_nan() && of(i).is_nan(), "{got} {}", of(i));
+        }
+    };
+    alike(level.splat8(a[1]), &|_| a[1]);
+    alike(x + y, &|i| a[i] + b[i]);
+    alike(x - y, &|i| a[i] - b[i]);
+    alike(x * y, &|i| a[i] * b[i]);
+    alike(x / y, &|i| a[i] / b[i]);
+    alike(x.lesser(y), &|i| if a[i] < b[i] { a[i] } else { b[i] });
+    alike(x.greater(y), &|i| if a[i] > b[i] { a[i] } else { b[i] });
+    alike(x.abs(), &|i| a[i].abs());
+    alike(x.or_else(seed as u8, y), &|i| if seed >> i & 1 == 1 { a[i] } else { b[i] });
+    let set = |of: &dyn Fn(usize) -> bool| (0..8).fold(0, |set, i| set | u8::from(of(i)) << i);
+    assert_eq!(x.not_above(y), set(&|i| a[i] <= b[i]));
+    assert_eq!(x.below(y), set(&|i| a[i] < b[i]));
+    let word = a[seed as usize % 8].to_bits();
+    assert_eq!(x.same_bits(word), set(&|i| a[i].to_bits() == word));
+    assert_eq!(level.splat8(f32::from_bits(u32::MAX)).same_bits(u32::MAX), u8::MAX);
+    let mut wide = [0.0; 8];
+    x.widen().store(&mut wide);
+    assert_eq!(wide, a.map(f64::from));
+
+    // A permutation of the slots, three bits each.
+    let mut slots = [0_u32, 1, 2, 3, 4, 5, 6, 7];
+    for i in (1..8).rev() {
+        slots.swap(i as usize, random::below(i + 1, seed, i, 3) as usize);
+    }
+    let order = slots.iter().rev().fold(0, |order, slot| order << 3 | slot);
+    let want: Vec<u32> = slots.into_iter().filter(|&slot| a[slot as usize] <= b[slot as usize]).collect();
+    let (found, count) = x.not_above_in_order(y, order);
+    let (mut numbers, mut words) = ([0; 8], [0; 8]);
+    found.store(&mut numbers);
+    found.pick(&core::array::from_fn(|i| 100 + i as u32), &mut words);
+    assert_eq!(numbers[..count], want);
+    assert!(words[..count].iter().zip(&want).all(|(word, slot)| *word == 100 + slot));
+    let picked = stored(x.pick(found));
+    assert!(picked[..count].iter().zip(&want).all(|(x, slot)| x.to_bits() == a[*slot as usize].to_bits()));
+    assert!(numbers.iter().all(|&slot| slot < 8));
+}
+
+fn wide<L: Level>(level: L, a: [f64; 8], b: [f64; 8], some: u8) {
+    let (x, y) = (level.load_wide(&a), level.load_wide(&b));
+    let alike = |word: L::D8, of: &dyn Fn(usize) -> f64| {
+        let mut to = [0.0; 8];
+        word.store(&mut to);
+        for (i, got) in to.into_iter().enumerate() {
+            assert!(got.to_bits() == of(i).to_bits() || got.is_nan() && of(i).is_nan(), "{got} {}", of(i));
+        }
+    };
+    alike(level.splat_wide(a[1]), &|_| a[1]);
+    alike(x + y, &|i| a[i] + b[i]);
+    alike(x - y, &|i| a[i] - b[i]);
+    alike(x * y, &|i| a[i] * b[i]);
+    alike(x / y, &|i| a[i] / b[i]);
+    alike(x.lesser(y), &|i| if a[i] < b[i] { a[i] } else { b[i] });
+    alike(x.greater(y), &|i| if a[i] > b[i] { a[i] } else { b[i] });
+    alike(x.abs(), &|i| a[i].abs());
+    alike(x.or_else(some, y), &|i| if some >> i & 1 == 1 { a[i] } else { b[i] });
+    let set = |of: &dyn Fn(usize) -> bool| (0..8).fold(0, |set, i| set | u8::from(of(i)) << i);
+    assert_eq!(x.not_above(y), set(&|i| a[i] <= b[i]));
+    assert_eq!(x.below(y), set(&|i| a[i] < b[i]));
+    let mut narrow = [0.0; 8];
+    (x * y).narrow().store(&mut narrow);
+    for i in 0..8 {
+        let want = (a[i] * b[i]) as f32;
+        assert!(narrow[i].to_bits() == want.to_bits() || want.is_nan() && narrow[i].is_nan());
+    }
+}
+
+fn columns_and_rows<L: Level>(level: L, seed: u32) {
+    // Whatever the bits mean.
+    let word = |row: usize, column: usize| f32::from_bits(seed.wrapping_mul(0x9e37_79b9) ^ (row << 8 | column) as u32);
+    let table: [[f32; 8]; LANES] = core::array::from_fn(|row| core::array::from_fn(|column| word(row, column)));
+    let columns = level.columns(&table);
+    for (column, numbers) in columns.into_iter().enumerate() {
+        let mut to = Lanes::ZERO;
+        numbers.store(&mut to);
+        assert_eq!(bits(&to.0), core::array::from_fn(|row| word(row, column).to_bits()));
+    }
+    let [a, b, c, d, ..] = columns;
+    let rows = L::F16::rows([a, b, c, d]);
+    for (row, numbers) in rows.into_iter().enumerate() {
+        assert_eq!(numbers.map(f32::to_bits), core::array::from_fn(|column| word(row, column).to_bits()), "{row}");
+    }
+}
+
+// Fails when two lanes of any operation are exchanged, or an operation rounds otherwise.
+#[test]
+fn every_level_computes_alike() {
+    for isa in Isa::ALL {
+        match Found::look_for(isa) {
+            Some(Found::Portable(level)) => check(level),
+            #[cfg(target_arch = "x86_64")]
+            Some(Found::Avx2(level)) => check(level),
+            #[cfg(target_arch = "x86_64")]
+            Some(Found::Avx512(level)) => check(level),
+            None => eprintln!("{isa}: this processor lacks it"),
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! Up to 64 rays that walk the tree together.
+//!
+//! After I. Wald, P. Slusallek, C. Benthin and M. Wagner, *Interactive Rendering with Coherent Ray Tracing* (2001), and
+//! for the bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire
+//! Ray Packets* (2006). The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds
+//! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
+//! at a time, and goes on the stack with the set of those that enter it. Where few are left they go on one by one (the
+//! module `single`).
+//!
+//! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
+
+use crate::frustum::Frustum;
+use crate::lanes::{Floats8 as _, Floats16, LANES, Level, Slots as _};
+use crate::rays::{Frame, Group, Set};
+use crate::single;
+use crate::stack::Stack;
+use crate::triangles::{AXES, confirm, may_hit};
+use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
+use rt_core::Ray;
+
+/// Groups of a packet. Measured: 64 rays are up to half faster than 16, and 128 no faster than 64.
+pub(crate) const GROUPS: usize = 4;
+
+/// Rays of a packet.
+pub(crate) const RAYS: usize = GROUPS * LANES;
+
+/// A packet, and what it needs on its way.
+#[derive(Clone, Debug)]
+pub(crate) struct Packet {
+    pub(crate) groups: [Group; GROUPS],
+    stack: Stack,
+}
+
+impl Packet {
+    pub(crate) fn new() -> Self {
+        Self { groups: [const { Group::EMPTY }; GROUPS], stack: Stack::new() }
+    }
+
+    /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left
+    /// to enter a node, they go on alone. The nearest hits, or with `ANY` whichever are found first, are in the groups.
+    #[inline(always)]
+    pub(crate) fn trace<L: Level, const ANY: bool>(
+        &mut self,
+        level: L,
+        tree: &BlockTree,
+        frame: &Frame,
+        rays: &[Ray],
+        few: u32,
+    ) {
+        let Self { groups, stack } = self;
+        let groups = &mut groups[..rays.len().div_ceil(LANES)];
+        // Most packets have rays of one octant.
+        let mut ways = [[0; 2]; 3];
+        for group in &*groups {
+            for (axis, [up, down]) in ways.iter_mut().enumerate() {
+                *up |= group.valid & !group.down[axis];
+                *down |= group.valid & group.down[axis];
+            }
+        }
+        for octant in 0..8 {
+            if (0..3).any(|axis| ways[axis][octant >> axis & 1] == 0) {
+                continue;
+            }
+            let mut open = [0; GROUPS];
+            for (open, group) in open.iter_mut().zip(&*groups) {
+                *open = group.in_octant(octant);
+            }
+            if open == [0; GROUPS] {
+                continue;
+            }
+            let frustum = Frustum::around(level, groups, &open, octant);
+            let mut walk = Walk { tree, frame, rays, few, groups, open, octant };
+            walk.run::<L, ANY>(level, frustum, stack);
+        }
+    }
+}
+
+/// Rays of one octant on their way.
+struct Walk<'a> {
+    tree: &'a BlockTree,
+    frame: &'a Frame,
+    /// As given.
+    rays: &'a [Ray],
+    few: u32,
+    groups: &'a mut [Group],
+    /// Rays that go on, by group.
+    open: [Set; GROUPS],
+    octant: usize,
+}
+
+impl Walk<'_> {
+    #[inline(always)]
+    fn run<L: Level, const ANY: bool>(&mut self, level: L, mut frustum: Frustum, stack: &mut Stack) {
+        stack.cut(0);
+        stack.push(frustum.begin(), 0, self.all());
+        while stack.len() > 0 {
+            let (entry, child, mut rays) = stack.pop();
+            if entry > frustum.limit {
+                continue;
+            }
+            if ANY {
+                rays &= self.all();
+            }
+            if rays.count_ones() <= self.few {
+                if rays != 0 {
+                    self.alone::<L, ANY>(level, stack, child, rays);
+                }
+                continue;
+            }
+            match BlockChild::of(child) {
+                BlockChild::Node(index) => self.node(level, &frustum, &self.tree.nodes()[index as usize], rays, stack),
+                BlockChild::Block { index, count } => {
+                    if self.block::<L, ANY>(level, &self.tree.blocks()[index as usize], count, rays) {
+                        frustum.shorten(level, self.groups, &self.open);
+                    }
+                }
+                BlockChild::Empty => {}
+            }
+        }
+    }
+
+    /// All rays that go on.
+    #[inline(always)]
+    fn all(&self) -> u64 {
+        self.open.iter().rev().fold(0, |all, &rays| all << LANES | u64::from(rays))
+    }
+
+    /// Puts on the stack which children which rays enter.
+    #[inline(always)]
+    fn node<L: Level>(&self, level: L, frustum: &Frustum, node: &BlockNode, rays: u64, stack: &mut Stack) {
+        let (near, slots, count) = frustum.enter(level, node);
+        let (mut entries, mut numbers) = ([0.0; 8], [0; 8]);
+        near.store(&mut entries);
+        slots.store(&mut numbers);
+        let mut entered = [0; 8];
+        let planes = self.planes(node.planes());
+        for (i, group) in self.groups.iter().enumerate() {
+            let some = (rays >> (LANES * i)) as Set;
+            if some != 0 {
+                let slabs = Slabs::of(level, group, self.octant);
+                for (&slot, entered) in numbers.iter().zip(&mut entered).take(count) {
+                    let slot = slot as usize & 7;
+                    let plane = |axis: usize, side: usize| planes[axis][side][slot];
+                    let near = [plane(0, 0), plane(1, 0), plane(2, 0)];
+                    let far = [plane(0, 1), plane(1, 1), plane(2, 1)];
+                    *entered |= u64::from(some & slabs.enter(level, near, far)) << (LANES * i);
+                }
+            }
+        }
+        for j in 0..count {
+            let child = node.children()[numbers[j & 7] as usize & 7];
+            stack.push_if(entered[j & 7] != 0, entries[j & 7], child, entered[j & 7]);
+        }
+    }
+
+    /// By axis, what belongs to the planes through which the rays enter a box, and to those through which they leave
+    /// it.
+    #[inline(always)]
+    fn planes<'p, T>(&self, [x, y, z]: &'p [[T; 2]; 3]) -> [[&'p T; 2]; 3] {
+        let pair = |axis: usize, planes: &'p [T; 2]| {
+            let enter = self.octant >> axis & 1;
+            [&planes[enter], &planes[enter ^ 1]]
+        };
+        [pair(0, x), pair(1, y), pair(2, z)]
+    }
+
+    /// Tests the triangles of a block; whether limits have come down.
+    #[inline(always)]
+    fn block<L: Level, const ANY: bool>(&mut self, level: L, block: &Block, count: u32, rays: u64) -> bool {
+        let bounds = [block.axes[0].bounds, block.axes[1].bounds, block.axes[2].bounds];
+        let [x, y, z] = self.planes(&bounds);
+        let (near, far) = ([*x[0], *y[0], *z[0]], [*x[1], *y[1], *z[1]]);
+        let mut shorter = false;
+        for (i, (group, given)) in self.groups.iter_mut().zip(self.rays.chunks(LANES)).enumerate() {
+            let some = (rays >> (LANES * i)) as Set;
+            if some == 0 {
+                continue;
+            }
+            // Again: limits may have come down since.
+            let some = if ANY {
+                some & self.open[i]
+            } else {
+                some & Slabs::of(level, group, self.octant).enter(level, near, far)
+            };
+            if some == 0 {
+                continue;
+            }
+            for axes in AXES {
+                let some = some & group.dominant[axes[2]];
+                if some == 0 {
+                    continue;
+                }
+                let mut open = [0; 4];
+                for (lane, open) in open.iter_mut().enumerate().take(count as usize) {
+                    *open = may_hit(level, group, block, lane, axes, some);
+                }
+                for (lane, &open) in open.iter().enumerate().take(count as usize) {
+                    let open = if ANY { open & self.open[i] } else { open };
+                    if open == 0 {
+                        continue;
+                    }
+                    let better = confirm(level, self.frame, group, given, (block, lane), axes, open);
+                    if better != 0 {
+                        shorter = true;
+                        if ANY {
+                            self.open[i] &= !better;
+                        }
+                    }
+                }
+            }
+        }
+        shorter
+    }
+
+    /// Sends rays one by one through what hangs below a child. The bounds' limit is left as it is.
+    #[inline(always)]
+    fn alone<L: Level, const ANY: bool>(&mut self, level: L, stack: &mut Stack, child: u32, rays: u64) {
+        let mut rays = rays;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize;
+            rays &= rays - 1;
+            let (i, lane) = (ray / LANES, ray % LANES);
+            let group = &mut self.groups[i];
+            single::walk::<L, ANY>(level, self.tree, self.frame, group, (lane, &self.rays[ray]), child, stack);
+            if ANY {
+                self.open[i] &= !group.found;
+            }
+        }
+    }
+}
+
+/// What box tests know of the rays of a group that are in one octant.
+struct Slabs<F> {
+    reciprocal: [F; 3],
+    /// Padded origins times reciprocals, for the planes through which the rays enter, and leave.
+    near: [F; 3],
+    far: [F; 3],
+    begin: F,
+    limit: F,
+}
+
+impl<F: Floats16> Slabs<F> {
+    #[inline(always)]
+    fn of<L: Level<F16 = F>>(level: L, group: &Group, octant: usize) -> Self {
+        let offset = |axis: usize, leave: usize| &group.offset[axis][(octant >> axis ^ leave) & 1];
+        Self {
+            reciprocal: [
+                level.load(&group.reciprocal[0]),
+                level.load(&group.reciprocal[1]),
+                level.load(&group.reciprocal[2]),
+            ],
+            near: [level.load(offset(0, 0)), level.load(offset(1, 0)), level.load(offset(2, 0))],
+            far: [level.load(offset(0, 1)), level.load(offset(1, 1)), level.load(offset(2, 1))],
+            begin: level.load(&group.begin),
+            limit: level.load(&group.limit),
+        }
+    }
+
+    /// The rays that enter a box, given its planes by axis.
+    #[inline(always)]
+    fn enter<L: Level<F16 = F>>(&self, level: L, near: [f32; 3], far: [f32; 3]) -> Set {
+        let Self { reciprocal, near: n, far: f, begin, limit } = self;
+        let enter = level
+            .splat(near[0])
+            .mul_sub(reciprocal[0], n[0])
+            .greater(level.splat(near[1]).mul_sub(reciprocal[1], n[1]));
+        let enter = enter.greater(level.splat(near[2]).mul_sub(reciprocal[2], n[2]).greater(*begin));
+        let leave =
+            level.splat(far[0]).mul_sub(reciprocal[0], f[0]).lesser(level.splat(far[1]).mul_sub(reciprocal[1], f[1]));
+        let leave = leave.lesser(level.splat(far[2]).mul_sub(reciprocal[2], f[2]).lesser(*limit));
+        enter.not_above(leave)
+    }
+}
