@@ -81,7 +81,7 @@ fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f
 
 /// The order of the policies on an image-like cost map.
 ///
-/// Mutants: `LAUNCH_SHARE` of 0.9; `NEAREST` of 2 or no stealing at all; `Lpt` in increasing order; a steal from the
+/// Mutants: `LAUNCH_SHARE` of 0.9; no stealing at all; `Lpt` in increasing order; a steal from the
 /// front of the list.
 #[test]
 fn cost_initialised_queues_win() {
@@ -136,7 +136,7 @@ fn hybrid_stays_within_one_percent() {
 /// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of
 /// the most expensive, sets a bound of its own. `--nocapture` shows the table.
 ///
-/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted
+/// Mutants: `FIRST` of a half, so that first launches are as large as later ones; `Paces::of` that finds the predicted
 /// speed; `fair` that is infinite; `finish` without its sum.
 #[test]
 fn misjudged_speeds_are_found_out() {
