@@ -135,10 +135,14 @@ impl<const N: usize> Expansion<N> {
 impl Expansion<2> {
     /// `a − b`, exact.
     pub(crate) fn difference(a: f64, b: f64) -> Self {
-        let (sum, rest) = two_sum(a, -b);
+        Self::of_pair(two_sum(a, -b))
+    }
+
+    /// A rounded number and what rounding left out.
+    fn of_pair((rounded, rest): (f64, f64)) -> Self {
         let mut result = Self::ZERO;
         result.push(rest);
-        result.push(sum);
+        result.push(rounded);
         result
     }
 }
@@ -163,6 +167,26 @@ pub(crate) fn cross(a: &Vector<2>, b: &Vector<2>) -> Vector<16> {
 pub(crate) fn dot(a: &Vector<16>, b: glam::DVec3) -> Expansion<96> {
     let [x, y, z]: Vector<32> = core::array::from_fn(|i| Expansion::product(&a[i], b[i]));
     Expansion::sum(&Expansion::<64>::sum(&x, &y), &z)
+}
+
+/// The sign of `(a × b) · c`, exact. Differences of numbers of like magnitudes are plain numbers, and then it has a
+/// quarter of the terms.
+pub(crate) fn volume_sign(a: &Vector<2>, b: &Vector<2>, c: glam::DVec3) -> Ordering {
+    let (Some(p), Some(q)) = (plain(a), plain(b)) else { return dot(&cross(a, b), c).sign() };
+    let [x, y, z]: Vector<8> = core::array::from_fn(|i| {
+        let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+        let [left, right] = [two_product(p[j], q[k]), two_product(-p[k], q[j])].map(Expansion::of_pair);
+        Expansion::product(&Expansion::<4>::sum(&left, &right), c[i])
+    });
+    Expansion::<24>::sum(&Expansion::<16>::sum(&x, &y), &z).sign()
+}
+
+/// The numbers, if each is one of double precision.
+fn plain(a: &Vector<2>) -> Option<[f64; 3]> {
+    if a.iter().any(|x| x.length > 1) {
+        return None;
+    }
+    Some(a.each_ref().map(|x| x.terms().first().copied().unwrap_or(0.0)))
 }
 
 /// The scalar product with a difference, exact.
@@ -257,6 +281,7 @@ mod tests {
             assert_eq!(exact(&volume), inner(&d_whole) * unit(3), "{seed}");
             assert_eq!(exact(&dot_difference(&got, &r)), inner(&c) * unit(3), "{seed}");
             assert_eq!(volume.sign(), inner(&d_whole).cmp(&IBig::ZERO));
+            assert_eq!(volume_sign(&p, &q, d), volume.sign(), "{seed}");
             // The estimate, compared in whole numbers too.
             let error = whole(volume.estimate()) - exact(&volume);
             let magnitude = |x: IBig| if x < IBig::ZERO { -x } else { x };

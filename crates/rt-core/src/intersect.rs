@@ -27,10 +27,12 @@
 //! # How it is met
 //!
 //! After S. Woop, C. Benthin and I. Wald, *Watertight Ray/Triangle Intersection*, JCGT 2-1 (2013): [`Shear`] turns the
-//! ray into the axis where its direction is largest; the edge functions of the sheared vertices are U, V and W divided
-//! by the direction's largest component. They are computed in double precision, with a bound on their error. Where that
-//! does not settle a sign, or leaves the rounding of `t` open, the module `exact` decides in exact arithmetic, as J. R.
-//! Shewchuk's adaptive predicates (1997) do. Kernels may decide clear cases more cheaply still.
+//! ray into the axis where its direction is largest; the edge functions of the sheared vertices are −U, −V and −W
+//! divided by the direction's largest component. They are computed in double precision, with a bound on their error.
+//! Where that does not settle a sign, or leaves the rounding of `t` open, the module `exact` decides in exact
+//! arithmetic, as J. R. Shewchuk's adaptive predicates (1997) do; only what is in doubt, for rays aimed at edges are
+//! many. An edge function of a hit that has the other sign by rounding is then taken for 0, which is no farther from
+//! the exact one. Kernels may decide clear cases more cheaply still.
 //!
 //! Every number below, and every comparison of two, scales exactly under powers of two. So the test gives the same bits
 //! in the coordinates of the scene's file and in those of the normalised tree.
@@ -177,15 +179,35 @@ impl Shear {
         if least < -error && greatest > error {
             return None;
         }
-        let determinant = u + v + w;
-        if !(least > error || greatest < -error) || determinant.abs() <= CLEAR * error {
+        let edges = [u, v, w];
+        if !(least > error || greatest < -error) || (u + v + w).abs() <= CLEAR * error {
+            return self.settle(triangle, edges, depths, error);
+        }
+        Some(self.measure(edges, depths, error))
+    }
+
+    /// [`Shear::intersect`] where rounding may have chosen the sign of an edge function: exact arithmetic decides it,
+    /// and no more, unless the triangle is seen edge-on.
+    #[cold]
+    #[inline(never)]
+    fn settle(&self, triangle: &Triangle, edges: [f64; 3], depths: [f64; 3], error: f64) -> Option<Intersection> {
+        let [u, v, w] = edges;
+        if (u + v + w).abs() <= CLEAR * error {
             return exact::intersect(self, triangle);
         }
-        let t = (u * a.z + v * b.z + w * c.z) / determinant * self.factors.z;
-        let [x, y, z] = depths;
-        let spread = greater(greater(x, y), z) - lesser(lesser(x, y), z);
+        let edges = exact::signed(self, triangle, edges, error)?;
+        Some(self.measure(edges, depths, error))
+    }
+
+    /// Where the line meets the triangle, from edge functions of one sign, each off by at most `error`.
+    #[inline]
+    fn measure(&self, [u, v, w]: [f64; 3], [x, y, z]: [f64; 3], error: f64) -> Intersection {
+        let determinant = u + v + w;
+        let t = (u * x + v * y + w * z) / determinant * self.factors.z;
+        let (least, greatest) = (lesser(lesser(x, y), z), greater(greater(x, y), z));
+        let (depth, spread) = (greater(greatest, -least), greatest - least);
         let error = (4.0 * error / determinant.abs() * spread + 12.0 * EPSILON * depth) * self.factors.z.abs();
-        Some(Intersection { t, error, u: v / determinant, v: w / determinant })
+        Intersection { t, error, u: v / determinant, v: w / determinant }
     }
 
     /// The hit of an intersection with this `triangle`, whose distance is settled to the last bit if it can lie within

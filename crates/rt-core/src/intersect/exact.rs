@@ -3,7 +3,7 @@
 
 use super::{Intersection, Shear, round_distance};
 use crate::Triangle;
-use crate::expansion::{Expansion, Vector, cross, difference, dot, dot_difference};
+use crate::expansion::{Expansion, Vector, cross, difference, dot, dot_difference, volume_sign};
 use crate::scale::pow2;
 use core::cmp::Ordering;
 use glam::DVec3;
@@ -20,20 +20,46 @@ fn relative(shear: &Shear, triangle: &Triangle) -> [Vector<2>; 3] {
     triangle.vertices().map(|p| difference(p.as_dvec3(), shear.origin))
 }
 
+/// The sheared `edges`, each off by at most `error`, where the exact ones have one sign; those that rounding gave the
+/// other sign are 0 instead. `None` where the exact ones have both signs.
+pub(super) fn signed(shear: &Shear, triangle: &Triangle, edges: [f64; 3], error: f64) -> Option<[f64; 3]> {
+    let direction = shear.direction.as_dvec3();
+    let [a, b, c] = relative(shear, triangle);
+    let mut common = Ordering::Equal;
+    let mut settle = |edge: f64, p, q| {
+        let sign = if edge.abs() > error {
+            if edge > 0.0 { Ordering::Greater } else { Ordering::Less }
+        } else {
+            // Shearing has divided it by the direction's largest component, with the other sign.
+            let sign = volume_sign(p, q, direction);
+            if shear.factors.z > 0.0 { sign.reverse() } else { sign }
+        };
+        match sign {
+            Ordering::Equal => return Some(0.0),
+            sign if common == sign.reverse() => return None,
+            sign => common = sign,
+        }
+        Some(if (sign == Ordering::Greater) == (edge > 0.0) { edge } else { 0.0 })
+    };
+    let [u, v, w] = edges;
+    Some([settle(u, &b, &c)?, settle(v, &c, &a)?, settle(w, &a, &b)?])
+}
+
 /// [`Shear::intersect`].
 #[cold]
 #[inline(never)]
 pub(super) fn intersect(shear: &Shear, triangle: &Triangle) -> Option<Intersection> {
     let direction = shear.direction.as_dvec3();
     let [a, b, c] = relative(shear, triangle);
-    let normal = cross(&b, &c);
-    let edges = [dot(&normal, direction), dot(&cross(&c, &a), direction), dot(&cross(&a, &b), direction)];
-    let signs = edges.each_ref().map(Expansion::sign);
+    // Most triangles that come here are seen edge-on or have no area, and are missed: signs are cheaper than numbers.
+    let signs = [(&b, &c), (&c, &a), (&a, &b)].map(|(p, q)| volume_sign(p, q, direction));
     if signs.contains(&Ordering::Less) && signs.contains(&Ordering::Greater)
         || signs.iter().all(|&sign| sign == Ordering::Equal)
     {
         return None;
     }
+    let normal = cross(&b, &c);
+    let edges = [dot(&normal, direction), dot(&cross(&c, &a), direction), dot(&cross(&a, &b), direction)];
     let [u, v, w] = edges.each_ref().map(Expansion::estimate);
     // They have one sign, so nothing cancels.
     let determinant = u + v + w;
