@@ -1,4 +1,4 @@
-//! Times scheduling alone: LPT and the making of a hybrid queue, on one core.
+//! Times scheduling alone: LPT, the making of a hybrid queue, its operations, and the lower bound, on one core.
 //!
 //! `cargo run --release -p rt-benches --bin planning`
 #![forbid(unsafe_code)]
@@ -7,8 +7,9 @@ use rt_balance::stats::median;
 use rt_core::{CostModel, Work, random};
 use rt_report::print::Stdout;
 use rt_report::{Provenance, exit};
+use rt_sched::bound;
 use rt_sched::policy::{Lpt, Policy};
-use rt_sched::queue::HybridQueue;
+use rt_sched::queue::{HybridQueue, Pop, TaskQueue};
 use std::error::Error;
 use std::hint::black_box;
 use std::io::Write;
@@ -36,7 +37,37 @@ fn run() -> Result<(), Box<dyn Error>> {
             writeln!(Stdout, "| {tasks} × {devices} | {label} | {} | {} |", show(&lpt), show(&queue))?;
         }
     }
+    writeln!(Stdout, "\n| devices | µs for a pop |\n|---|---|")?;
+    for devices in [3, 64, 1_024, 10_000] {
+        let runs: Vec<f64> = (0..RUNS).map(|_| pop_us(devices)).collect();
+        writeln!(Stdout, "| {devices} | {:.3} |", median(&runs))?;
+    }
+    let costs: Vec<f64> = (0..1_000_000).map(|i| f64::from(task(i).tests())).collect();
+    let bound = time(|| drop(black_box(bound::related(&costs, &[1.0; 8]))));
+    writeln!(Stdout, "\nbound of 1,000,000 tasks on 8 devices: {} ms", show(&bound))?;
     Ok(())
+}
+
+/// Mean microseconds of a `pop`, over a run in which devices take turns.
+fn pop_us(devices: usize) -> f64 {
+    let work: Vec<Work> = (0..100_000).map(|index| task(index).with_std_error(0.0)).collect();
+    let models: Vec<CostModel> = (0..devices).filter_map(|_| model(1.0)).collect();
+    let queue = HybridQueue::new(&Lpt.schedule(&work, &models), &work, &models);
+    let (mut pops, mut seconds, mut left) = (0_u32, 0.0, work.len());
+    let mut out = Vec::new();
+    for device in (0..devices).cycle() {
+        let begin = Instant::now();
+        let launch = queue.pop(device, &mut out) == Pop::Launch;
+        seconds += begin.elapsed().as_secs_f64();
+        pops += 1;
+        if launch {
+            queue.finish(device, &out);
+            left -= out.len();
+        } else if left == 0 {
+            break;
+        }
+    }
+    seconds * 1e6 / f64::from(pops)
 }
 
 /// Work like a picture's: most tasks cheap, some a hundred times as expensive.

@@ -114,9 +114,9 @@ pub(crate) fn models_for(
     launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); workers.len()])
 }
 
-/// By what devices of which nothing is known are assumed to lose more than equal ones: a processor's core beside
-/// graphics cards, where the mean speed is some eight times the slowest ([`uninformed::unequal`]).
-const UNKNOWN: f64 = 16.0;
+/// By what devices of which nothing is known are assumed to lose more than equal ones: the most that
+/// [`uninformed::unequal`] says of any.
+const UNKNOWN: f64 = 2.5;
 
 /// What a stream is expected to lose without an estimate, as a share of its makespan.
 pub(crate) fn uninformed_excess(members: &[DeviceState], queue: &dyn QueueMaker, tasks: usize) -> f64 {

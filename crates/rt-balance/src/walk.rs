@@ -15,11 +15,13 @@ use std::time::{Duration, Instant};
 /// Fewest samples worth a call to a device: below it the hand-over (some 10 µs) costs more than the rays.
 const LEAST_CHUNK: usize = 256;
 
-/// Chunks per device when there are enough samples: fine enough that devices of different speed end together.
-const CHUNKS_PER_DEVICE: usize = 6;
-
-/// Chunks that a device has at a time, so that it goes on while the driver takes its answer.
+/// Chunks that a device has at a time, so that it goes on while the driver takes its answer; one before it has
+/// answered, since nothing is known of its speed.
 const AHEAD: usize = 2;
+
+/// The share of what is left, in a device's fair share of it, that its next chunk takes, without a unit: with two
+/// chunks at a time, half of it is left to mend what was thought of its speed.
+const CHUNK_SHARE: f64 = 0.25;
 
 /// What came of a walk.
 #[derive(Debug, Default)]
@@ -45,8 +47,6 @@ pub(crate) fn walk_on_all(
     control: Control<'_>,
 ) -> Result<Found, BalanceError> {
     let (to, answers) = channel();
-    let size = (rays.len() / (members.len() * CHUNKS_PER_DEVICE)).max(LEAST_CHUNK);
-    let chunks: Vec<Range<usize>> = (0..rays.len()).step_by(size).map(|at| at..rays.len().min(at + size)).collect();
     let ready = || members.iter().filter(|member| member.is_ready());
     let able = ready().filter(|member| member.info.capabilities.has_walk(walk));
     let walkers: Vec<Walker> = able.map(|member| Walker::new(member.index)).collect();
@@ -60,10 +60,11 @@ pub(crate) fn walk_on_all(
         walk,
         limits,
         control,
-        open: (0..chunks.len()).rev().collect(),
-        left: chunks.len(),
-        by: vec![None; chunks.len()],
-        chunks,
+        open: Vec::new(),
+        left: rays.len(),
+        next: 0,
+        by: Vec::new(),
+        chunks: Vec::new(),
         walkers,
         slowest: 0.0,
         unable,
@@ -89,11 +90,13 @@ struct Walker {
     late: bool,
     /// Whether it gets more.
     able: bool,
+    /// Rays that it has walked.
+    walked: usize,
 }
 
 impl Walker {
     fn new(member: usize) -> Self {
-        Self { member, asked: VecDeque::new(), since: Instant::now(), late: false, able: true }
+        Self { member, asked: VecDeque::new(), since: Instant::now(), late: false, able: true, walked: 0 }
     }
 }
 
@@ -102,10 +105,13 @@ struct Walking<'a> {
     walk: Walk,
     limits: &'a Limits,
     control: Control<'a>,
+    /// What was handed out so far.
     chunks: Vec<Range<usize>>,
-    /// Chunks that nobody does, or that those who do them are late with; the next one last.
+    /// Chunks that nobody does any more, or that those who do them are late with; the next one last.
     open: Vec<usize>,
-    /// Chunks without an answer.
+    /// The first ray that is in no chunk.
+    next: usize,
+    /// Rays without an answer.
     left: usize,
     /// Who answered.
     by: Vec<Option<usize>>,
@@ -151,12 +157,8 @@ impl Walking<'_> {
     }
 
     fn feed(&mut self, walker: usize, members: &mut [DeviceState]) {
-        let walker = &mut self.walkers[walker];
-        while walker.able && !walker.late && walker.asked.len() < AHEAD {
-            let Some(chunk) = self.open.pop() else { return };
-            if self.by[chunk].is_some() {
-                continue;
-            }
+        while let Some(chunk) = self.chunk_for(walker) {
+            let walker = &mut self.walkers[walker];
             if walker.asked.is_empty() {
                 walker.since = Instant::now();
             }
@@ -164,6 +166,48 @@ impl Walking<'_> {
             let (rays, range) = (Arc::clone(self.rays), self.chunks[chunk].clone());
             members[walker.member].ask(Call::Walk { rays, range, walk: self.walk }, &self.to);
         }
+    }
+
+    /// The next chunk of a walker, if it is to have one.
+    ///
+    /// Chunks begin small and grow with what a walker has done (as C. Polychronopoulos and D. Kuck, *Guided
+    /// Self-Scheduling*, 1987, but weighted by speeds found): all wait for the last, and one device may be a fiftieth
+    /// as fast as another.
+    fn chunk_for(&mut self, walker: usize) -> Option<usize> {
+        let Walker { able, late, walked, ref asked, .. } = self.walkers[walker];
+        let ahead = if walked == 0 { 1 } else { AHEAD };
+        if !able || late || asked.len() >= ahead {
+            return None;
+        }
+        while let Some(chunk) = self.open.pop() {
+            if self.by[chunk].is_none() {
+                return Some(chunk);
+            }
+        }
+        let open = self.rays.len() - self.next;
+        if open == 0 {
+            return None;
+        }
+        let others = self.walkers.iter().enumerate().filter(|(i, other)| *i != walker && other.able && !other.late);
+        let (mut all, mut fastest, mut others_walk) = (walked, 0, false);
+        for (_, other) in others {
+            all += other.walked;
+            fastest = fastest.max(other.walked);
+            others_walk |= !other.asked.is_empty();
+        }
+        // All began together, so rays walked are speeds. Whoever would be the last to end leaves what there is to
+        // others.
+        let seconds = |rays: usize, speed: usize| rays as f64 / speed.max(1) as f64;
+        let least = LEAST_CHUNK.min(open);
+        if others_walk && walked > 0 && seconds(least, walked) > seconds(open, all - walked) + seconds(least, fastest) {
+            return None;
+        }
+        let fair = open as f64 * walked as f64 / all.max(1) as f64;
+        let size = ((CHUNK_SHARE * fair) as usize).min(2 * walked).max(LEAST_CHUNK).min(open);
+        self.chunks.push(self.next..self.next + size);
+        self.by.push(None);
+        self.next += size;
+        Some(self.chunks.len() - 1)
     }
 
     /// When others are to do a walker's chunks too.
@@ -217,6 +261,7 @@ impl Walking<'_> {
                 (walker.since, walker.late) = (Instant::now(), false);
                 members[member].checked.add(walked.checked);
                 if let Some(chunk) = chunk {
+                    walker.walked += self.chunks[chunk].len();
                     self.keep(chunk, member, walked);
                 }
             }
@@ -254,7 +299,7 @@ impl Walking<'_> {
             return;
         }
         self.by[chunk] = Some(member);
-        self.left -= 1;
+        self.left -= rays;
         self.found.counts[range.clone()].copy_from_slice(&counts);
         if !self.found.hits.is_empty() {
             self.found.hits[range].copy_from_slice(&hits);

@@ -215,4 +215,6 @@ impl Running<'_> {
 }
 
 #[cfg(test)]
+mod regimes;
+#[cfg(test)]
 mod tests;

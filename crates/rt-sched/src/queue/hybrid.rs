@@ -1,19 +1,16 @@
 //! Static lists, geometric launches, stealing.
 
 use super::ledger::Ledger;
+use super::pace::{Found, Paces};
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
 use crate::Schedule;
-use crate::policy::{seconds, total};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
-// Not one of `atomics`, whose every order loom tries: it decides only how many tasks a launch takes, not whose they
-// are.
-use core::sync::atomic::{AtomicU32, Ordering};
 use rt_core::{CostModel, TaskId, Work};
 
-/// Share of a device's remaining predicted seconds that its next launch takes, without a unit.
+/// Share of a device's list that its next launch takes, without a unit, where costs are known.
 ///
 /// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of
 /// a list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to
@@ -21,14 +18,14 @@ use rt_core::{CostModel, TaskId, Work};
 /// flight 0.51, 0.47 and 0.85%). Smaller shares only add launches.
 const LAUNCH_SHARE: f64 = 1.0 / 3.0;
 
-/// Share of the stream that predicted speeds count for beside what devices have finished, and share of its list that a
-/// device's first launches take, without a unit.
+/// The same where costs are not known: one of several launches may be far more expensive than was thought.
+const CAUTIOUS_SHARE: f64 = 1.0 / 12.0;
+
+/// Share of the stream that a device's first launches take, in its predicted share, without a unit.
 ///
 /// Speeds are predicted from few samples or from other streams, and may be wrong by a factor. A device that is a
-/// twentieth as fast as was thought would be alone with its first launches at the end. Simulated, 8,192 tasks, one of
-/// three devices 5 times slower beside the others than predicted: excess 102% without this, 0.5% with it; 20 times
-/// slower: 654 and 4%, and with 1/64 39%. It costs some eight launches more.
-const PRIOR: f64 = 1.0 / 256.0;
+/// twentieth as fast as was thought would be alone with its first launches at the end.
+const FIRST: f64 = 1.0 / 256.0;
 
 /// Tasks of equal work that stay together: 128 × 128 pixels of tasks of 1,024 rays. With 4, bounces took 10% longer on
 /// a processor.
@@ -37,31 +34,43 @@ const NEIGHBOURS: usize = 16;
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
 const GROWTH: f64 = 0.5;
 
-/// Share of a task that must lie within a thief's fair share for the thief to take it, without a unit.
-///
-/// A half would be the nearest whole task, but the victim is also busy with launches that are no longer in its list,
-/// so less is fair; and equal devices, whose calibrated speeds differ by a little, must not refuse each other's last
-/// task. With a quarter, a device takes the last task of one that is up to three times as fast.
-const NEAREST: f64 = 0.25;
+/// How many devices a thief looks at: with more, a theft takes longer than it gains.
+const VICTIMS: usize = 32;
 
 /// Hybrid queues: each device works through its own list in shrinking launches, and steals when it runs dry.
 ///
 /// After A. Heirich and J. Arvo, *A Competitive Analysis of Load Balancing Strategies for Parallel Ray Tracing* (1998),
-/// who start from a static assignment and correct it while it runs. Speeds are predicted first; then what each device
-/// has finished tells them, since all began together. A launch takes about a third of the device's list, or of its fair
-/// share of all that is left where that is less, begins small and grows with what the device has finished, but is no
-/// less than a launch costs. An idle device steals from the one with most predicted seconds left, from the end of its
-/// list, where an LPT list has its smallest tasks: as much, in whole tasks, as makes both end together. So a slow
-/// device never takes the last task of a much faster one. What a lost device leaves behind goes to whoever is idle.
+/// who start from a static assignment and correct it while it runs. Speeds are predicted first, and believed until what
+/// devices have finished contradicts them.
+///
+/// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (a twelfth
+/// where costs are not known), begins small and grows with what the device has finished, but is no less than a launch
+/// costs. A device with an empty list steals from the one that would end last, from the end of its list, where an LPT
+/// list has its smallest tasks: those that it would itself end no later. Where it would overrun the schedule, a device
+/// leaves to a faster one what that ends sooner even after all else, and takes no second launch when one lasts until
+/// all will be done.
+///
+/// So with exact costs and speeds a run takes no longer than its schedule says, but for launches: no step puts off the
+/// last end. What a lost device leaves behind goes to whoever is idle.
 #[derive(Debug)]
 pub struct HybridQueue {
     slots: Slots,
     ledger: Ledger,
-    /// Predicted seconds of all tasks before each position of the slots, on the device whose list it is in.
+    paces: Paces,
+    /// Share of the stream that is before each position of the slots.
     before: Box<[f64]>,
-    /// For each task its share of the stream.
-    shares: Box<[f32]>,
-    devices: Box<[Pace]>,
+    devices: Box<[Launching]>,
+    /// Seconds until the last device will have ended its list.
+    plan: f64,
+}
+
+/// How a device launches.
+#[derive(Debug)]
+struct Launching {
+    /// What a launch costs, as a share of the stream that could be done meanwhile.
+    price: f64,
+    /// Share of the stream that its first launches take.
+    first: f64,
 }
 
 /// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is
@@ -83,136 +92,117 @@ fn spread(list: &[TaskId], work: &[Work]) -> Vec<TaskId> {
     out
 }
 
-/// What a queue needs to know of a device.
-#[derive(Debug)]
-struct Pace {
-    /// Streams per second, if the device ran the whole stream.
-    speed: f64,
-    /// Seconds per launch.
-    launch: f64,
-    /// Share of the stream that it would do, were all as fast as predicted.
-    predicted: f64,
-    /// Share of the stream that it has finished, in units of 2⁻³¹.
-    done: AtomicU32,
-}
-
-/// The unit of [`Pace::done`]: sums of shares that are a little more than 1 together do not overflow.
-const UNIT: f64 = 1.0 / (1_u32 << 31) as f64;
-
-impl Pace {
-    fn done(&self) -> f64 {
-        f64::from(self.done.load(Ordering::Relaxed)) * UNIT
-    }
-
-    /// How fast it is beside others, in no unit: what it finished since all began, and a little of what was predicted.
-    fn speed_found(&self) -> f64 {
-        self.done() + PRIOR * self.predicted
-    }
-}
-
 impl HybridQueue {
     /// Queues with the lists of `schedule`, which was made for this work and these devices.
     ///
-    /// Lists should be sorted most expensive task first, as those of [`Lpt`](crate::policy::Lpt) are.
+    /// Lists should be sorted dearest task first, as those of [`Lpt`](crate::policy::Lpt) are.
     #[must_use]
     pub fn new(schedule: &Schedule, work: &[Work], devices: &[CostModel]) -> Self {
-        let model = |device: usize| devices.get(device).copied().unwrap_or_default();
+        let lists: Vec<Vec<TaskId>> = schedule.lists().iter().map(|list| spread(list, work)).collect();
+        let models: Vec<CostModel> = (0..lists.len()).map(|d| devices.get(d).copied().unwrap_or_default()).collect();
+        let mut owners = alloc::vec![usize::MAX; schedule.tasks()];
+        for (device, list) in lists.iter().enumerate() {
+            list.iter().for_each(|&task| owners[task as usize] = device);
+        }
+        let paces = Paces::new(work, &models, |task| owners.get(task as usize).copied().unwrap_or(usize::MAX));
         let mut sum = 0.0;
+        let mut plan = 0.0_f64;
         let mut before = Vec::with_capacity(schedule.tasks() + 1);
         before.push(sum);
-        let lists: Vec<Vec<TaskId>> = schedule.lists().iter().map(|list| spread(list, work)).collect();
         for (device, list) in lists.iter().enumerate() {
+            let start = sum;
             for &task in list {
-                sum += work.get(task as usize).map_or(0.0, |w| model(device).seconds(w));
+                sum += paces.share(task);
                 before.push(sum);
             }
+            plan = plan.max((sum - start) / paces.predicted(device));
         }
-        let sum = total(work);
-        let pace = |device| {
-            let d = model(device);
-            let seconds = seconds(&d.per_part(), &sum);
-            let speed = if seconds > 0.0 { 1.0 / seconds } else { 1.0 };
-            Pace { speed, launch: d.per_launch(), predicted: 0.0, done: AtomicU32::new(0) }
+        let together: f64 = (0..models.len()).map(|device| paces.predicted(device)).sum();
+        let launching = |(device, model): (usize, &CostModel)| {
+            let speed = paces.predicted(device);
+            Launching { price: model.per_launch() * speed, first: FIRST * speed / together }
         };
-        let mut devices: Vec<Pace> = (0..lists.len()).map(pace).collect();
-        let together: f64 = devices.iter().map(|pace| pace.speed).sum();
-        devices.iter_mut().for_each(|pace| pace.predicted = pace.speed / together);
-        let mut shares = alloc::vec![0.0; schedule.tasks()];
-        let owners = lists.iter().zip(&devices).flat_map(|(list, pace)| list.iter().map(move |task| (task, pace)));
-        for ((&task, pace), ends) in owners.zip(before.windows(2)) {
-            shares[task as usize] = ((ends[1] - ends[0]) * pace.speed) as f32;
-        }
+        let devices = models.iter().enumerate().map(launching).collect();
         Self {
             slots: Slots::new(&lists),
             ledger: Ledger::new(schedule.tasks(), lists.len()),
+            paces,
             before: before.into(),
-            shares: shares.into(),
-            devices: devices.into(),
+            devices,
+            plan,
         }
     }
 
-    /// Predicted seconds of `range`, on the device that it was first dealt to.
-    fn seconds(&self, range: &Range<u32>) -> f64 {
+    /// The share of the stream that is in `range`.
+    fn share(&self, range: &Range<u32>) -> f64 {
         self.before[range.end as usize] - self.before[range.start as usize]
     }
 
-    /// Seconds that `device` would need at its predicted speed for its fair share of all that is in lists.
+    /// A device's fair share of all that is in lists.
     fn fair(&self, device: usize) -> f64 {
-        let (mut left, mut together) = (0.0, 0.0);
-        for (i, pace) in self.devices.iter().enumerate() {
-            left += self.seconds(&self.slots.range(i)) * pace.speed;
-            if !self.ledger.is_retired(i) {
-                together += pace.speed_found();
-            }
-        }
-        let pace = &self.devices[device];
-        left * pace.speed_found() / (together.max(f64::MIN_POSITIVE) * pace.speed)
+        self.paces.open() * self.paces.of(device).speed / self.paces.together(&self.ledger).max(f64::MIN_POSITIVE)
     }
 
     /// Number of tasks that the next launch takes from the front of `range`, which is not empty.
     fn launch_size(&self, device: usize, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
         let base = self.before[start];
-        let Pace { speed, launch, predicted, .. } = self.devices[device];
-        let most = (GROWTH * self.devices[device].done() + PRIOR * predicted) / speed;
-        let share = base + (LAUNCH_SHARE * (self.before[end] - base).min(self.fair(device))).min(most);
-        let worthwhile = base + launch;
+        let Launching { price, first } = self.devices[device];
+        let part = if self.paces.are_costs_known() { LAUNCH_SHARE } else { CAUTIOUS_SHARE };
+        let share = part * (self.before[end] - base).min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
+        let share = base + share.min(GROWTH * self.paces.sure(device) + first);
+        let worthwhile = base + price;
         let ends = &self.before[start + 1..=end];
         let count = ends.partition_point(|&s| s <= share).max(ends.partition_point(|&s| s < worthwhile) + 1);
         count.min(end - start) as u32
     }
 
-    /// Number of tasks that `thief` may take from the back of `range`, which is reserved for `victim`.
-    fn loot(&self, thief: usize, victim: usize, range: &Range<u32>) -> u32 {
-        if self.ledger.is_retired(victim) {
-            return range.end - range.start;
-        }
-        let [thief, victim] = [thief, victim].map(|d| self.devices[d].speed_found());
-        let fair = self.seconds(range) * thief / (thief + victim);
+    /// Number of tasks at the back of `range`, which is reserved for `victim`, that the thief would end no later.
+    ///
+    /// Beside each task that the thief takes, the victim would have had to do all that is before it. So the thief ends
+    /// before the victim would have, and the last end of all is not put off.
+    fn loot(&self, thief: Found, victim: Found, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
-        let all = self.before[end];
-        let whole = start + self.before[start..end].partition_point(|&s| all - s > fair);
-        let more = whole > start && {
-            let next = self.before[whole] - self.before[whole - 1];
-            all - self.before[whole] + NEAREST * next <= fair
+        let stays = |i: usize| {
+            let thief_end = thief.until + (self.before[end] - self.before[i]) / thief.speed;
+            thief_end > victim.until + (self.before[i + 1] - self.before[start]) / victim.speed
         };
-        (end - whole) as u32 + u32::from(more)
+        // Both ends of the comparison go one way with `i`.
+        let (mut low, mut high) = (start, end);
+        while low < high {
+            let middle = low.midpoint(high);
+            (low, high) = if stays(middle) { (middle + 1, high) } else { (low, middle) };
+        }
+        (end - low) as u32
     }
 
-    /// Takes a share of the tasks of the device that has most left.
-    fn steal(&self, thief: usize) -> Option<Range<u32>> {
+    /// Takes a share of the tasks of the device that would end last, among some of those that have any; if it `must`,
+    /// of all devices, and at least one task.
+    fn steal(&self, thief: usize, must: bool) -> Option<Range<u32>> {
+        let own = self.paces.of(thief);
         loop {
             let mut best: Option<(f64, usize, Range<u32>, u32)> = None;
-            for victim in 0..self.slots.len() {
+            let mut look = |victim: usize| {
                 let range = self.slots.range(victim);
-                let seconds = self.seconds(&range);
-                if range.is_empty() || best.as_ref().is_some_and(|(most, ..)| seconds <= *most) {
-                    continue;
+                if range.is_empty() {
+                    return self.slots.note_empty(victim);
                 }
-                let count = self.loot(thief, victim, &range);
+                let lost = self.ledger.is_retired(victim);
+                let found = self.paces.of(victim);
+                let end = if lost { f64::INFINITY } else { found.until + self.share(&range) / found.speed };
+                if best.as_ref().is_some_and(|(latest, ..)| end <= *latest) {
+                    return;
+                }
+                let count = if lost { range.end - range.start } else { self.loot(own, found, &range) };
+                let count = count.max(u32::from(must));
                 if count > 0 {
-                    best = Some((seconds, victim, range, count));
+                    best = Some((end, victim, range, count));
                 }
+            };
+            if must {
+                (0..self.slots.len()).for_each(&mut look);
+            } else {
+                self.slots.filled(thief).take(VICTIMS).for_each(&mut look);
             }
             let (_, victim, range, count) = best?;
             if let Some(taken) = self.slots.take_back(victim, &range, count) {
@@ -222,13 +212,24 @@ impl HybridQueue {
         }
     }
 
-    /// Claims the positions of the next launch, from the device's own range or another's.
-    fn claim(&self, device: usize) -> Range<u32> {
-        let Some(stolen) = self.steal(device) else { return 0..0 };
+    /// Claims the positions of the next launch from another device's range.
+    fn claim(&self, device: usize, must: bool) -> Range<u32> {
+        let Some(stolen) = self.steal(device, must) else { return 0..0 };
         let cut = stolen.start + self.launch_size(device, &stolen);
         // The rest becomes the device's own, where others can steal it in turn. If another thread has just refilled
         // this device, all of it is launched.
         if cut < stolen.end && self.slots.refill(device, &(cut..stolen.end)) { stolen.start..cut } else { stolen }
+    }
+
+    /// Fills `out` with the tasks of the next launch.
+    fn take(&self, device: usize, must: bool, out: &mut Vec<TaskId>) {
+        let own = self.slots.take_front(device, |range| self.launch_size(device, &range));
+        out.extend_from_slice(self.slots.tasks(own));
+        // Orphans are counted, not priced: half of an equal share, as S. Flynn Hummel, E. Schonberg and L. Flynn,
+        // *Factoring* (1992) deal iterations of unknown cost.
+        if out.is_empty() && !self.ledger.adopt(|orphans| orphans.div_ceil(2 * self.ledger.alive().max(1)), out) {
+            out.extend_from_slice(self.slots.tasks(self.claim(device, must)));
+        }
     }
 }
 
@@ -238,30 +239,31 @@ impl TaskQueue for HybridQueue {
         if self.ledger.is_retired(device) {
             return Pop::Done;
         }
-        let own = self.slots.take_front(device, |range| self.launch_size(device, &range));
-        out.extend_from_slice(self.slots.tasks(own));
-        // Orphans are counted, not priced: half of an equal share, as S. Flynn Hummel, E. Schonberg and L. Flynn,
-        // *Factoring* (1992) deal iterations of unknown cost.
-        if out.is_empty() && !self.ledger.adopt(|orphans| orphans.div_ceil(2 * self.ledger.alive().max(1)), out) {
-            out.extend_from_slice(self.slots.tasks(self.claim(device)));
+        let next = self.slots.tasks(self.slots.range(device)).first().copied();
+        if self.paces.may_take(device, next, self.plan, &self.ledger) {
+            self.take(device, false, out);
+        }
+        if out.is_empty() {
+            self.paces.wait(device);
+            if self.paces.do_all_wait(&self.ledger) {
+                self.take(device, true, out);
+            }
             if out.is_empty() {
                 return self.ledger.idle();
             }
         }
+        self.paces.launch(device, out);
         self.ledger.hand_out(device, out);
         Pop::Launch
     }
 
     fn finish(&self, device: usize, tasks: &[TaskId]) {
-        if let Some(pace) = self.devices.get(device) {
-            let share: f32 = tasks.iter().filter_map(|&task| self.shares.get(task as usize)).sum();
-            // Negative or not a number becomes 0.
-            pace.done.fetch_add((f64::from(share) / UNIT) as u32, Ordering::Relaxed);
-        }
+        self.paces.finish(device, tasks);
         self.ledger.finish(device, tasks);
     }
 
     fn retire(&self, device: usize, unfinished: &[TaskId]) {
+        self.paces.give_up(device, unfinished);
         // What is reserved for the device stays in its slot, from where others now steal all of it.
         self.ledger.retire(device, unfinished);
     }

@@ -64,10 +64,11 @@ fn explore(make: Make, tasks: usize, devices: usize, lost: Option<usize>) {
             .collect();
         let mut finished = device(&**queue, 0, lost == Some(0));
         finished.extend(threads.into_iter().flat_map(|thread| thread.join().expect("no panic")));
-        // Whoever is left does the rest: what a lost device, or one that gave up waiting, left behind.
+        // Whoever is left does the rest: what a lost device, or one that gave up waiting, left behind. All are asked,
+        // as queues are promised: one may wait for another.
         let last = usize::from(lost == Some(0));
         for _ in 0..=tasks {
-            finished.extend(device(&**queue, last, false));
+            (0..devices).for_each(|d| finished.extend(device(&**queue, d, false)));
         }
         finished.sort_unstable();
         assert!(finished.iter().copied().eq(0..tasks as TaskId), "finished: {finished:?}");

@@ -110,7 +110,7 @@ impl QueueMaker for QueueKind {
         let Dealt { schedule, work, devices } = dealt;
         match self {
             Self::Static => Box::new(StaticQueue::new(schedule)),
-            Self::Central => Box::new(CentralQueue::in_order(schedule, devices.len())),
+            Self::Central => Box::new(CentralQueue::in_order(schedule, work, devices)),
             Self::Hybrid => Box::new(HybridQueue::new(schedule, work, devices)),
         }
     }
@@ -181,7 +181,7 @@ mod tests {
         let (work, models) = costs();
         let maker: &dyn QueueMaker = &QueueKind::Central;
         let schedule = maker.deal(&Lpt, &work, &models).expect("dealt");
-        let [dealt, own] = [CentralQueue::in_order(&schedule, 3), CentralQueue::new(&work, &models)];
+        let [dealt, own] = [CentralQueue::in_order(&schedule, &work, &models), CentralQueue::new(&work, &models)];
         assert_eq!(popped(&dealt, 3), popped(&own, 3));
     }
 }

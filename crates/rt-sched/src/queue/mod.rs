@@ -26,6 +26,7 @@ mod hybrid;
 mod interleavings;
 mod ledger;
 mod maker;
+mod pace;
 mod slots;
 #[cfg(all(test, not(loom)))]
 mod tests;

@@ -1,9 +1,11 @@
 //! One range of tasks per device, each in one atomic word.
 
 use super::atomics::{AtomicU64, Ordering};
+// Not those of `atomics`, whose every order loom tries: nothing depends on a hint but the victim of a theft.
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
+use core::sync::atomic as hint;
 use rt_core::TaskId;
 
 /// The lists of a schedule one behind another, never changed, and for each device the range of positions that is
@@ -16,6 +18,9 @@ use rt_core::TaskId;
 pub(crate) struct Slots {
     order: Box<[TaskId]>,
     ranges: Box<[Slot]>,
+    /// A bit for each device whose range may not be empty. Only a hint: who relies on nothing being left looks at the
+    /// ranges.
+    hints: Box<[hint::AtomicU64]>,
 }
 
 /// One device's word on its own cache line (64 bytes on all processors we know), so that devices that pop do not slow
@@ -40,7 +45,33 @@ impl Slots {
             end += list.len() as u32;
             Slot(AtomicU64::new(pack(&(start..end))))
         });
-        Self { ranges: ranges.collect(), order: lists.iter().flatten().copied().collect() }
+        let ranges = ranges.collect();
+        let word =
+            |lists: &[Vec<TaskId>]| lists.iter().rev().fold(0, |bits, list| bits << 1 | u64::from(!list.is_empty()));
+        let hints = lists.chunks(64).map(|lists| hint::AtomicU64::new(word(lists))).collect();
+        Self { ranges, order: lists.iter().flatten().copied().collect(), hints }
+    }
+
+    /// Devices whose range is probably not empty, each once, beginning near `from`.
+    pub(crate) fn filled(&self, from: usize) -> impl Iterator<Item = usize> {
+        let words = self.hints.len();
+        (0..words).map(move |i| (from / 64 + i) % words).flat_map(|word| {
+            let mut bits = self.hints[word].load(hint::Ordering::Relaxed);
+            core::iter::from_fn(move || {
+                let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
+                bits &= bits - 1;
+                Some(64 * word + bit)
+            })
+        })
+    }
+
+    /// Says that a device's range was found empty.
+    pub(crate) fn note_empty(&self, device: usize) {
+        let (hint, bit) = (&self.hints[device / 64], 1 << (device % 64));
+        hint.fetch_and(!bit, hint::Ordering::Relaxed);
+        if !self.range(device).is_empty() {
+            hint.fetch_or(bit, hint::Ordering::Relaxed);
+        }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -86,7 +117,9 @@ impl Slots {
     /// Reserves `range`, which the caller alone has claimed, for a device that has nothing reserved; `false` if it has.
     pub(crate) fn refill(&self, device: usize, range: &Range<u32>) -> bool {
         let fill = |word| unpack(word).is_empty().then_some(pack(range));
-        self.ranges[device].0.fetch_update(Ordering::AcqRel, Ordering::Acquire, fill).is_ok()
+        let filled = self.ranges[device].0.fetch_update(Ordering::AcqRel, Ordering::Acquire, fill).is_ok();
+        self.hints[device / 64].fetch_or(u64::from(filled) << (device % 64), hint::Ordering::Relaxed);
+        filled
     }
 }
 
@@ -99,7 +132,7 @@ mod tests {
     /// What two threads do to one word, step by step.
     ///
     /// Mutants: `take_back` that stores instead of comparing; `refill` that does not ask whether the range is empty;
-    /// `take_front` that takes more than there is.
+    /// `take_front` that takes more than there is; `note_empty` that does not look again; `refill` without the hint.
     #[test]
     fn nothing_is_taken_twice() {
         let schedule = Block.schedule(&[Work::new(1.0, 1.0, 0.0); 10], &[CostModel::UNIT; 2]);
@@ -116,5 +149,11 @@ mod tests {
         assert!(slots.refill(0, &(3..5)));
         assert_eq!((slots.range(0), slots.range(1)), (3..5, 5..10));
         assert_eq!(slots.tasks(3..6), [3, 4, 5]);
+        assert!(slots.filled(1).eq([0, 1]));
+        slots.note_empty(0);
+        assert!(slots.filled(0).eq([0, 1]), "it is not empty");
+        slots.take_front(0, |_| 9);
+        slots.note_empty(0);
+        assert!(slots.filled(0).eq([1]));
     }
 }

@@ -10,7 +10,7 @@ use rt_core::{CostModel, Work, morton, random};
 use std::eprintln;
 
 /// A queue by the name under which scheduling tables list it.
-fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn TaskQueue> {
+pub(super) fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn TaskQueue> {
     match name {
         "block" => Box::new(StaticQueue::new(&Block.schedule(work, devices))),
         "round robin" => Box::new(StaticQueue::new(&RoundRobin.schedule(work, devices))),
@@ -25,7 +25,7 @@ const NAMES: [&str; 6] = ["block", "round robin", "lpt", "fifo", "central", "hyb
 
 /// Costs of the tasks of an image in Z-curve order, as images have them: an expensive object, a gradient, and fine
 /// detail. They sum to `m · 100 ms`: an ideal frame of 100 ms on `m` devices of speed 1.
-fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
+pub(super) fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
     let side = f64::from(n.next_power_of_two()).sqrt();
     let [cx, cy] = random::pair(seed, 0, 7).map(|c| 0.25 + 0.5 * f64::from(c));
     let cost = |task: u32| {
@@ -40,16 +40,17 @@ fn image(n: u32, m: usize, seed: u32) -> Vec<f64> {
 }
 
 /// The costs as estimated with a standard deviation of `sigma`, in box tests of a nanosecond.
-fn estimated(costs: &[f64], sigma: f64, seed: u32) -> Vec<Work> {
+pub(super) fn estimated(costs: &[f64], sigma: f64, seed: u32) -> Vec<Work> {
     let noisy = |(task, c): (u32, &f64)| {
         // The sum of twelve uniform numbers has variance 1.
         let normal = (0..6).flat_map(|i| random::pair(seed, task, 20 + i)).map(f64::from).sum::<f64>() - 6.0;
-        Work::new(0.0, (c * 1e9 * (1.0 + sigma * normal).max(0.05)) as f32, 0.0)
+        let tests = (c * 1e9 * (1.0 + sigma * normal).max(0.05)) as f32;
+        Work::new(0.0, tests, 0.0).with_std_error(sigma as f32 * tests)
     };
     (0..).zip(costs).map(noisy).collect()
 }
 
-fn models(speeds: &[f64]) -> Vec<CostModel> {
+pub(super) fn models(speeds: &[f64]) -> Vec<CostModel> {
     speeds.iter().map(|s| CostModel::new(1e-5, 1e-9 / s, 1e-9 / s, 1e-9 / s).expect("valid")).collect()
 }
 
@@ -80,7 +81,7 @@ fn excess(name: &str, speeds: &[f64], n: u32, sigma: f64, in_flight: usize) -> f
 
 /// The order of the policies on an image-like cost map.
 ///
-/// Mutants: `LAUNCH_SHARE` of 0.9; `NEAREST` of 2 or no stealing at all; `Lpt` in increasing order; a steal from the
+/// Mutants: `LAUNCH_SHARE` of 0.9; no stealing at all; `Lpt` in increasing order; a steal from the
 /// front of the list.
 #[test]
 fn cost_initialised_queues_win() {
@@ -117,7 +118,14 @@ fn hybrid_stays_within_one_percent() {
                 eprintln!("  {name}: {good:.2} ({bad:.2})");
             }
             let [good, bad] = row[5];
-            assert!(good <= 1.0 && bad <= if n == 64 { 2.0 } else { 1.0 }, "{good} {bad}");
+            // With one launch in flight some 35 launches of 10 µs each, none of them hidden, are 0.8% of the shortest
+            // frame.
+            let limits = match (n, in_flight) {
+                (64, _) => [1.0, 2.0],
+                (_, 1) => [1.0, 1.1],
+                _ => [0.3, 0.8],
+            };
+            assert!(good <= limits[0] && bad <= limits[1], "{good} {bad}");
             assert!(good < row[0][0]);
             // At 65,536 tasks over equal devices round robin would do as well.
             assert!(good < row[1][0], "better than any schedule without an estimate");
@@ -128,7 +136,7 @@ fn hybrid_stays_within_one_percent() {
 /// Devices whose speed was misjudged: what they finished tells how fast they are. A slow device's first task, one of
 /// the most expensive, sets a bound of its own. `--nocapture` shows the table.
 ///
-/// Mutants: `PRIOR` of a half, so that first launches are as large as later ones; `speed_found` that is the predicted
+/// Mutants: `FIRST` of a half, so that first launches are as large as later ones; `Paces::of` that finds the predicted
 /// speed; `fair` that is infinite; `finish` without its sum.
 #[test]
 fn misjudged_speeds_are_found_out() {
@@ -212,6 +220,43 @@ proptest! {
             tasks.sort_unstable();
             prop_assert!(tasks.into_iter().eq(0..costs.len() as TaskId), "{}", name);
             prop_assert!(survivors == 0 || run.unfinished.is_empty(), "{}", name);
+        }
+    }
+}
+
+/// Work of exactly known costs, devices of any speeds, at least one task for each.
+fn exact() -> impl Strategy<Value = (Vec<Work>, Vec<CostModel>)> {
+    let cost = prop_oneof![4 => 0.01_f32..1.0, 1 => Just(0.5), 1 => Just(0.0), 1 => 1.0_f32..20.0];
+    let speed = prop_oneof![Just(1.0), Just(2.0), Just(50.0), 0.01_f64..10.0];
+    prop::collection::vec(speed, 1..9)
+        .prop_flat_map(move |speeds| {
+            let costs = prop::collection::vec(cost.clone(), speeds.len()..100);
+            (costs, Just(speeds))
+        })
+        .prop_map(|(costs, speeds)| {
+            let work = costs.iter().map(|c| Work::new(0.0, c * 1e7, 0.0).with_std_error(0.0)).collect();
+            (work, models(&speeds))
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(10_000))]
+
+    /// Whoever knows all cannot lose by stealing: with exact costs and speeds no run takes longer than its schedule,
+    /// but for a launch.
+    ///
+    /// Mutants: `loot` that takes half, or one task more; `steal` from the device with the longest list; `Paces::wait`
+    /// that forgets since when; `of` that takes `done` for the speed, so that whoever is in a long launch looks slow.
+    #[test]
+    fn nothing_is_lost_by_stealing((work, devices) in exact()) {
+        let schedule = Lpt.schedule(&work, &devices);
+        let seconds = |device: usize, task: TaskId| devices[device].seconds(&work[task as usize]);
+        for launch_s in [0.0, 1e-5] {
+            let simulation = Simulation { launch_s, pop_s: 0.0, in_flight: 2, ..Simulation::default() };
+            let hybrid = HybridQueue::new(&schedule, &work, &devices);
+            let [hybrid, fixed]: [&dyn TaskQueue; 2] = [&hybrid, &StaticQueue::new(&schedule)];
+            let [hybrid, fixed] = [hybrid, fixed].map(|queue| simulation.run(queue, devices.len(), &seconds).makespan_s);
+            prop_assert!(hybrid <= (fixed + launch_s) * (1.0 + 1e-6), "{} > {}", hybrid, fixed);
         }
     }
 }

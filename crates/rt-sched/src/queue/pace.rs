@@ -1,0 +1,379 @@
+//! How fast devices are found to be, without a clock.
+
+use super::ledger::Ledger;
+use alloc::boxed::Box;
+use rt_core::{CostModel, TaskId, Work};
+// Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
+// are.
+use crate::policy::{seconds, total};
+use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
+
+/// Standard deviation of a task's cost about what is known of it, as a share of that: in pictures that we know, where
+/// most tasks are said to cost the same, which means that nothing is known.
+const UNKNOWN: f64 = 1.0;
+
+/// The same where costs were estimated by someone who does not say how well.
+const UNSAID: f64 = 0.25;
+
+/// How many standard deviations the next task may exceed what is known of it, and how many what a device has finished
+/// may deviate, before that counts. In pictures the most expensive task is some five times the mean.
+const NEXT: f64 = 4.0;
+const FINISHED: f64 = 2.0;
+
+/// How much faster another device must be for a device to leave it a task, without a unit: equal devices, whose speeds
+/// are found to differ by a little, must not wait for one another.
+const FASTER: f64 = 1.5;
+
+/// How much of what a device has in flight it has probably done, without a unit: half of the older of two launches.
+const BEGUN: f64 = 0.25;
+
+/// The unit of [`Pace::done`] and its like: 2⁻⁴⁰ of a stream, so that a billion tasks still count.
+const UNIT: f64 = 1.0 / (1_u64 << 40) as f64;
+
+/// Relative error of sums of shares, which are kept as `f32`.
+const ROUNDING: f64 = 1e-6;
+
+/// What each device was expected to do, has done and has in flight: how fast it is, and when it will end.
+///
+/// A queue knows no time. But all devices begin together, so the one that is furthest beside what was predicted of it
+/// tells what time it is at least: the seconds that it was predicted to need for what it has finished. Another device
+/// that has not come as far as it should, even if all that it has in flight were finished in this moment, is slower
+/// than predicted, and then it is as fast as what it finished, and half of what it has in flight, says. As long as
+/// nothing contradicts a prediction it is believed: whoever is in the middle of a long launch does not look slow.
+/// Waiting for a task is no sign of being slow either: that time is left out.
+///
+/// Times are in seconds of the predictions. They may all be wrong by one factor, such as before anything was measured.
+#[derive(Debug)]
+pub(crate) struct Paces {
+    devices: Box<[Pace]>,
+    /// For each task its share of the stream.
+    shares: Box<[f32]>,
+    /// What all shares add up to.
+    all: f64,
+    overview: Overview,
+    /// Predicted streams per second of all devices.
+    predicted: f64,
+    /// What time it is at least, as the bits of an `f64` ≥ 0, which are in the order of the numbers.
+    now: AtomicU64,
+    /// Shares of the stream that are finished and in flight, in [`UNIT`]s.
+    done: AtomicU64,
+    flying: AtomicU64,
+    /// Number of calls that may have freed a task.
+    events: AtomicU64,
+    /// Standard deviation of a task's cost about what is known of it, as a share of that.
+    noise: f64,
+    /// Whether speeds were measured: not if all have the prices that are assumed before.
+    predicts: bool,
+}
+
+#[derive(Debug)]
+struct Pace {
+    /// Predicted streams per second.
+    speed: f64,
+    /// Shares of the stream that it has finished and has in flight, in [`UNIT`]s.
+    done: AtomicU64,
+    flying: AtomicU64,
+    /// The speed that it was last found to have.
+    found: AtomicU64,
+    /// Seconds that it waited for a task.
+    waited: AtomicU64,
+    /// Since when it waits; [`BUSY`] if it does not.
+    since: AtomicU64,
+    /// When it was last told to wait, in [`Paces::events`].
+    told: AtomicU64,
+}
+
+/// No time at all.
+const BUSY: u64 = u64::MAX;
+
+/// What is to be thought of a device at some moment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Found {
+    /// Streams per second.
+    pub(crate) speed: f64,
+    /// When it will end what it has in flight, in seconds.
+    pub(crate) until: f64,
+}
+
+/// All devices together, as they were found a moment ago.
+///
+/// They are looked at anew after every [`Overview::OFTEN`]th part of as many calls as there are devices, so that a call
+/// takes the same time however many there are.
+#[derive(Debug)]
+struct Overview {
+    calls: AtomicUsize,
+    /// The sum of all speeds, as the bits of an `f64`, and so the two greatest.
+    speed: AtomicU64,
+    fastest: [AtomicU64; 2],
+    /// Who is fastest.
+    first: AtomicUsize,
+}
+
+impl Overview {
+    const OFTEN: usize = 32;
+
+    fn new() -> Self {
+        let [calls, first] = [0; 2].map(AtomicUsize::new);
+        Self { calls, first, speed: AtomicU64::new(0), fastest: [0; 2].map(AtomicU64::new) }
+    }
+}
+
+fn get(bits: &AtomicU64) -> f64 {
+    f64::from_bits(bits.load(Relaxed))
+}
+
+fn share(units: &AtomicU64) -> f64 {
+    units.load(Relaxed) as f64 * UNIT
+}
+
+/// How little is known of costs: as [`Paces::noise`].
+fn noise(work: &[Work]) -> f64 {
+    let alike = work.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    if 2 * alike > work.len() {
+        return UNKNOWN;
+    }
+    let errors = work.iter().try_fold(0.0, |sum, work| Some(sum + f64::from(work.std_error()?)));
+    let tests: f64 = work.iter().map(|work| f64::from(work.tests())).sum();
+    errors.map(|errors| errors / tests).filter(|noise| noise.is_finite()).map_or(UNSAID, |noise| noise.min(UNKNOWN))
+}
+
+/// Subtracts as much as there is.
+fn lower(units: &AtomicU64, by: u64) -> u64 {
+    let taken = units.fetch_update(Relaxed, Relaxed, |was| Some(was.saturating_sub(by)));
+    taken.map_or(0, |was| was.min(by))
+}
+
+impl Paces {
+    /// Devices of these prices, all at rest, and what each task is of all `work`, on the device `owner(task)`.
+    pub(crate) fn new(work: &[Work], models: &[CostModel], owner: impl Fn(TaskId) -> usize) -> Self {
+        let sum = total(work);
+        let pace = |model: &CostModel| {
+            let seconds = seconds(&model.per_part(), &sum);
+            let speed = if seconds > 0.0 && seconds.is_finite() { 1.0 / seconds } else { 1.0 };
+            let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
+            let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
+            Pace { speed, done, flying, found, waited, since, told }
+        };
+        let devices: Box<[Pace]> = models.iter().map(pace).collect();
+        let share = |(task, work): (TaskId, &Work)| {
+            let owner = owner(task);
+            let share = models.get(owner).map_or(0.0, |model| model.seconds(work) * devices[owner].speed);
+            if share.is_finite() { share as f32 } else { 0.0 }
+        };
+        let shares: Box<[f32]> = (0..).zip(work).map(share).collect();
+        let all = shares.iter().map(|&share| f64::from(share)).sum();
+        let [now, done, flying, events] = [0, 0, 0, 1].map(AtomicU64::new);
+        let predicts = models.iter().any(|model| *model != CostModel::UNIT);
+        let predicted = devices.iter().map(|pace| pace.speed).sum();
+        Self {
+            devices,
+            overview: Overview::new(),
+            predicted,
+            shares,
+            all,
+            now,
+            done,
+            flying,
+            events,
+            noise: noise(work),
+            predicts,
+        }
+    }
+
+    /// Whether costs are known.
+    pub(crate) const fn are_costs_known(&self) -> bool {
+        self.noise < UNKNOWN
+    }
+
+    /// What a task is of the whole stream.
+    pub(crate) fn share(&self, task: TaskId) -> f64 {
+        self.shares.get(task as usize).map_or(0.0, |&share| share.into())
+    }
+
+    /// The mean of [`Paces::share`].
+    fn mean_share(&self) -> f64 {
+        self.all / self.shares.len().max(1) as f64
+    }
+
+    fn units(&self, tasks: &[TaskId]) -> u64 {
+        tasks.iter().map(|&task| (self.share(task) / UNIT) as u64).sum()
+    }
+
+    /// By how much a share of the stream may deviate from what was estimated.
+    fn deviation(&self, share: f64) -> f64 {
+        // Of independent errors of about as many tasks as make up the share.
+        FINISHED * self.noise * libm::sqrt(share * self.mean_share())
+    }
+
+    /// By how much what a device has finished may deviate from its prediction without contradicting it.
+    fn doubt(&self, share: f64) -> f64 {
+        if self.predicts { self.deviation(share) } else { 0.0 }
+    }
+
+    /// The predicted speed of a device, in streams per second.
+    pub(crate) fn predicted(&self, device: usize) -> f64 {
+        self.devices[device].speed
+    }
+
+    /// What time it is, in seconds.
+    fn now(&self) -> f64 {
+        let least = get(&self.now);
+        if self.noise == 0.0 || !self.predicts {
+            return least;
+        }
+        let done = share(&self.done) + BEGUN * share(&self.flying);
+        least.max(done / self.predicted)
+    }
+
+    /// The share of the stream that nobody has begun.
+    pub(crate) fn open(&self) -> f64 {
+        (self.all - share(&self.done) - share(&self.flying)).max(0.0)
+    }
+
+    /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
+    pub(crate) fn sure(&self, device: usize) -> f64 {
+        let done = share(&self.devices[device].done);
+        (done - self.deviation(done)).max(0.0)
+    }
+
+    /// What is to be thought of a device.
+    pub(crate) fn of(&self, device: usize) -> Found {
+        let pace = &self.devices[device];
+        let (now, done, flying) = (self.now(), share(&pace.done), share(&pace.flying));
+        let waited = get(&pace.waited);
+        let expected = |share: f64| waited + share / pace.speed;
+        let slow = expected(done + flying + self.doubt(done + flying)) < now * (1.0 - ROUNDING);
+        if flying == 0.0 {
+            return Found { speed: if slow { get(&pace.found) } else { pace.speed }, until: now };
+        }
+        let speed = if slow { (done + BEGUN * flying) / (now - waited) } else { pace.speed };
+        let left = flying / speed;
+        let until = expected(done + flying);
+        let until = match self.noise {
+            0.0 if !slow => until.max(now),
+            _ => until.clamp(now + 0.5 * left, now + left),
+        };
+        Found { speed, until }
+    }
+
+    /// By how much a speed that was found may be too low or too high, as a factor: tasks that follow each other are
+    /// alike, so that a device may have had cheap ones only.
+    pub(crate) fn range(&self, device: usize) -> f64 {
+        let pace = &self.devices[device];
+        let done = share(&pace.done) + BEGUN * share(&pace.flying);
+        1.0 + self.deviation(done) / done.max(f64::MIN_POSITIVE)
+    }
+
+    /// The speed of all devices that are not lost, in streams per second.
+    pub(crate) fn together(&self, ledger: &Ledger) -> f64 {
+        self.look(ledger);
+        get(&self.overview.speed)
+    }
+
+    /// The greatest speed of the others.
+    fn fastest_other(&self, device: usize) -> f64 {
+        let own = self.overview.first.load(Relaxed) == device;
+        get(&self.overview.fastest[usize::from(own)])
+    }
+
+    fn look(&self, ledger: &Ledger) {
+        let Overview { calls, speed, fastest, first } = &self.overview;
+        if calls.fetch_add(1, Relaxed) % (self.devices.len() / Overview::OFTEN).max(1) != 0 {
+            return;
+        }
+        let (mut sum, mut most, mut second, mut who) = (0.0, 0.0, 0.0, 0);
+        for device in (0..self.devices.len()).filter(|&device| !ledger.is_retired(device)) {
+            let found = self.of(device).speed;
+            sum += found;
+            if found > most {
+                (most, second, who) = (found, most, device);
+            } else if found > second {
+                second = found;
+            }
+        }
+        speed.store(f64::to_bits(sum), Relaxed);
+        first.store(who, Relaxed);
+        fastest[0].store(f64::to_bits(most), Relaxed);
+        fastest[1].store(f64::to_bits(second), Relaxed);
+    }
+
+    /// Whether a device should take anything now, of which the next task would be `next`. A schedule that is to be kept
+    /// has every device end by `plan` seconds.
+    ///
+    /// It should not where it has enough in flight until all will be done, and where a faster device would end the next
+    /// task sooner, even after all else.
+    pub(crate) fn may_take(&self, device: usize, next: Option<TaskId>, plan: f64, ledger: &Ledger) -> bool {
+        let now = self.now();
+        let (own, together) = (self.of(device), self.together(ledger));
+        let (others, fastest) = (together - own.speed, self.fastest_other(device));
+        // Nobody else is there.
+        if others <= 0.0 || fastest <= 0.0 {
+            return true;
+        }
+        let caution = 1.0 + NEXT * self.noise;
+        let left = (self.all - share(&self.done)).max(0.0);
+        let end = plan.max(now + left / together) * (1.0 + ROUNDING);
+        if self.devices[device].flying.load(Relaxed) > 0 && now + caution * (own.until - now) >= end {
+            return false;
+        }
+        let next = caution * next.map_or(self.mean_share(), |task| self.share(task));
+        let keeps_plan = own.until + next / own.speed <= plan * (1.0 + ROUNDING);
+        keeps_plan
+            || fastest <= FASTER * own.speed * self.range(device)
+            || caution * (own.until - now) + next / own.speed <= left / others + next / fastest
+    }
+
+    /// Whether nothing is in flight, and every device was told to wait: then the one that asks must take what there is,
+    /// or nothing will ever free a task.
+    pub(crate) fn do_all_wait(&self, ledger: &Ledger) -> bool {
+        // The order of all, so that of two devices that are told at once one sees the other.
+        let events = self.events.load(SeqCst);
+        let waits = |(device, pace): (usize, &Pace)| ledger.is_retired(device) || pace.told.load(SeqCst) == events;
+        self.flying.load(SeqCst) == 0 && self.devices.iter().enumerate().all(waits)
+    }
+
+    /// Says that a device is told to wait.
+    pub(crate) fn wait(&self, device: usize) {
+        let Some(pace) = self.devices.get(device) else { return };
+        pace.told.store(self.events.load(SeqCst), SeqCst);
+        if pace.flying.load(Relaxed) == 0 && pace.since.load(Relaxed) == BUSY {
+            pace.since.store(self.now.load(Relaxed), Relaxed);
+        }
+    }
+
+    /// Says that a device was given a launch.
+    pub(crate) fn launch(&self, device: usize, tasks: &[TaskId]) {
+        let Some(pace) = self.devices.get(device) else { return };
+        let since = pace.since.swap(BUSY, Relaxed);
+        if since != BUSY {
+            let waited = get(&pace.waited) + (get(&self.now) - f64::from_bits(since)).max(0.0);
+            pace.waited.store(waited.to_bits(), Relaxed);
+        }
+        let units = self.units(tasks);
+        pace.flying.fetch_add(units, Relaxed);
+        self.flying.fetch_add(units, Relaxed);
+    }
+
+    /// Says that a device has finished what it had in flight of `tasks`.
+    pub(crate) fn finish(&self, device: usize, tasks: &[TaskId]) {
+        let Some(pace) = self.devices.get(device) else { return };
+        let units = self.give_up(device, tasks);
+        pace.done.fetch_add(units, Relaxed);
+        self.done.fetch_add(units, Relaxed);
+        let (waited, done) = (get(&pace.waited), share(&pace.done));
+        let least = (done - self.doubt(done)).max(0.0);
+        self.now.fetch_max((waited + least / pace.speed).to_bits(), Relaxed);
+        let seconds = get(&self.now) - waited;
+        let found = if seconds > 0.0 { pace.speed.min(done / seconds) } else { pace.speed };
+        pace.found.store(found.to_bits(), Relaxed);
+    }
+
+    /// Says that a device will not finish what it has in flight of `tasks`; returns how much that was, in [`UNIT`]s.
+    pub(crate) fn give_up(&self, device: usize, tasks: &[TaskId]) -> u64 {
+        self.events.fetch_add(1, SeqCst);
+        let Some(pace) = self.devices.get(device) else { return 0 };
+        let units = lower(&pace.flying, self.units(tasks));
+        lower(&self.flying, units);
+        units
+    }
+}
