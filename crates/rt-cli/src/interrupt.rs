@@ -50,8 +50,8 @@ pub(crate) fn exit() -> Option<Exit> {
 
 /// Ends the process when all is written.
 ///
-/// Not by returning from `main`, which runs the clean-up of drivers: a device that did not answer, or was not waited for
-/// after a signal, has left a thread at work in its driver, and that crashes.
+/// Not by returning from `main`, which runs the clean-up of drivers: a device that did not answer, or was not waited
+/// for after a signal, has left a thread at work in its driver, and that crashes.
 pub(crate) fn leave(exit: Exit) -> ExitCode {
     // What clap printed; our own results were flushed where it could still be told that they are lost.
     let _ = io::stdout().flush();

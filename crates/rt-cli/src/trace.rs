@@ -93,7 +93,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     Ok(())
 }
 
-/// Most rays that a regular file has room for, whatever its header promises; `None` where only reading tells, as of a pipe.
+/// Most rays that a regular file has room for, whatever its header promises; `None` where only reading tells, as of a
+/// pipe.
 fn rays_in(path: &Path) -> Option<u64> {
     let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
     Some(about.len() / size_of::<Ray>() as u64)
