@@ -55,14 +55,15 @@ impl Models {
             triangles: walk.triangles as f64,
             // Samples are not neighbours.
             divergence: 0.0,
-            seconds: walk.span.duration().as_secs_f64(),
+            seconds: walk.span.busy().as_secs_f64(),
         });
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
     pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
         let calibration = self.launches.entry(key).or_default();
-        let seconds = launch.span.duration().as_secs_f64();
+        // What the host does for a launch is hidden by the one before, and no price of the device.
+        let seconds = launch.span.busy().as_secs_f64();
         if launch.per_task {
             let mut inside = 0.0;
             for outcome in &launch.outcomes {

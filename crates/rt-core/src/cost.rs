@@ -151,7 +151,8 @@ impl CostModel {
         (per_divergence.is_finite() && per_divergence >= 0.0).then_some(self)
     }
 
-    /// Seconds that a launch costs before its first ray.
+    /// Seconds that every launch costs on the device beside its rays, while it ramps up and drains. Launches in flight
+    /// do not hide them, as they hide the host's hand-over.
     #[must_use]
     pub const fn per_launch(&self) -> f64 {
         self.per_launch

@@ -88,7 +88,7 @@ mod tests {
                 (Box::new(HybridQueue::new(&schedule, &work, &models)), 2),
             ];
             for (mean, (queue, in_flight)) in mean.iter_mut().zip(queues) {
-                let simulation = Simulation { launch_s: 0.0, pop_s: 0.0, in_flight, ..Simulation::default() };
+                let simulation = Simulation { hand_over_s: 0.0, pop_s: 0.0, in_flight, ..Simulation::default() };
                 let run = simulation.run(&*queue, devices, &|_, task| costs[task as usize]);
                 *mean += (run.makespan_s / best - 1.0) / f64::from(SEEDS);
             }
@@ -107,7 +107,7 @@ mod tests {
             let models = vec![CostModel::UNIT; speeds.len()];
             let schedule = Lpt.schedule(&work, &models);
             let queue = HybridQueue::new(&schedule, &work, &models);
-            let simulation = Simulation { launch_s: 0.0, pop_s: 0.0, in_flight: 2, ..Simulation::default() };
+            let simulation = Simulation { hand_over_s: 0.0, pop_s: 0.0, in_flight: 2, ..Simulation::default() };
             let run = simulation.run(&queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
             mean += (run.makespan_s / best - 1.0) / f64::from(SEEDS);
         }

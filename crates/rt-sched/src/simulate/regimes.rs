@@ -28,17 +28,23 @@ pub(super) enum Known {
     Costs(f64),
 }
 
-/// Seconds of each task on a device of speed 1, such that the divisible ideal is [`FRAME_S`].
-pub(super) fn picture(tasks: u32, speeds: &[f64], seed: u32) -> Vec<f64> {
+/// Seconds of each task on a device of speed 1, such that the divisible ideal is `frame_s`.
+fn picture(tasks: u32, speeds: &[f64], frame_s: f64, seed: u32) -> Vec<f64> {
     let costs = image(tasks, 1, seed);
-    let scale = FRAME_S * speeds.iter().sum::<f64>() / costs.iter().sum::<f64>();
+    let scale = frame_s * speeds.iter().sum::<f64>() / costs.iter().sum::<f64>();
     costs.iter().map(|cost| cost * scale).collect()
 }
 
 /// Mean excess over the lower bound, in percent.
 pub(super) fn excess(name: &str, speeds: &[f64], tasks: u32, known: Known) -> f64 {
+    launching(name, speeds, tasks, known, FRAME_S, 0.0)[0]
+}
+
+/// The same where every launch costs `launch_s` on the device, which is known with the speeds, and the mean number of
+/// launches of a device.
+fn launching(name: &str, speeds: &[f64], tasks: u32, known: Known, frame_s: f64, launch_s: f64) -> [f64; 2] {
     let one = |seed| {
-        let costs = picture(tasks, speeds, seed);
+        let costs = picture(tasks, speeds, frame_s, seed);
         let work = match known {
             Known::Costs(sigma) => estimated(&costs, sigma, seed),
             // All that is known of a task is how many rays it has; what a ray takes is known where speeds are.
@@ -48,12 +54,16 @@ pub(super) fn excess(name: &str, speeds: &[f64], tasks: u32, known: Known) -> f6
                 vec![Work::new(0.0, (mean * 1e9) as f32, 0.0); costs.len()]
             }
         };
-        let devices = if known == Known::Nothing { vec![CostModel::UNIT; speeds.len()] } else { models(speeds) };
+        let devices =
+            if known == Known::Nothing { vec![CostModel::UNIT; speeds.len()] } else { models(speeds, launch_s) };
         let queue = queue(name, &work, &devices);
-        let run = Simulation::default().run(&*queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
-        metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0
+        let simulation = Simulation { launch_s, ..Simulation::default() };
+        let run = simulation.run(&*queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
+        let excess = metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0;
+        [excess, run.launches.iter().sum::<usize>() as f64 / speeds.len() as f64]
     };
-    (0..PICTURES).map(one).sum::<f64>() / f64::from(PICTURES)
+    let sum = (0..PICTURES).map(one).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    sum.map(|sum| sum / f64::from(PICTURES))
 }
 
 /// One device for each of `m / speeds.len()` turns of `speeds`.
@@ -89,6 +99,67 @@ fn slow_devices_hold_nobody_up() {
     let alone = 100.0 * 16.0 / 500.0;
     let beside = excess("hybrid", &cores, 9000, Known::Costs(0.1));
     assert!(beside < alone, "with the cores {beside}%, without {alone}%");
+}
+
+/// Launches that cost time on the device, from nothing to a tenth of the frame: then as few are the best, and the queue
+/// is as good as the schedule that it begins with.
+///
+/// Mutants: `launches` that always says `(f64::INFINITY, 0.0)`; one without `FEWEST`; `of`
+/// without the seconds of launches; `loot` without what launches cost; `now`
+/// that takes a quarter of launches of whole lists for done.
+#[test]
+fn launches_are_worth_their_price() {
+    for speeds in [turns(&[1.0], 3), turns(&[1.0], 8), turns(&[1.0, 2.0, 4.0], 3)] {
+        let shares = [0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1];
+        for (each, share) in [16, 128, 1024].into_iter().flat_map(|each| shares.map(|share| (each, share))) {
+            let tasks = each * speeds.len() as u32;
+            let of = |queue, known| launching(queue, &speeds, tasks, known, FRAME_S, share * FRAME_S)[0];
+            for known in [Known::Costs(0.1), Known::Costs(0.3)] {
+                let [fixed, hybrid] = ["lpt", "hybrid"].map(|queue| of(queue, known));
+                // With 16 tasks a device chance makes more of a difference, over four pictures.
+                let room = if each == 16 { 0.7 } else { 0.5 };
+                assert!(hybrid <= fixed + room, "{speeds:?}, {each}, {share}, {known:?}: {hybrid} {fixed}");
+            }
+        }
+    }
+}
+
+/// Prints what launches that cost time on the device do.
+#[test]
+#[ignore = "prints a table of docs/results/scheduling.md"]
+fn launch_prices() {
+    let row = [
+        ("round robin", Known::Speeds),
+        ("lpt", Known::Costs(0.1)),
+        ("hybrid", Known::Nothing),
+        ("hybrid", Known::Speeds),
+        ("hybrid", Known::Costs(0.1)),
+        ("hybrid", Known::Costs(0.0)),
+    ];
+    eprintln!("| devices | n/m | frame, launch | round robin | LPT 10% | uninformed | speeds | 10% | exact |");
+    eprintln!("|---|---|---|---|---|---|---|---|---|");
+    for (name, speeds) in
+        [("3 equal", turns(&[1.0], 3)), ("8 equal", turns(&[1.0], 8)), ("1:2:4", turns(&[1.0, 2.0, 4.0], 3))]
+    {
+        for (each, frame_s, launch_s) in [
+            (16, 5e-3, 1e-4),
+            (128, 5e-3, 5e-6),
+            (128, 5e-3, 2e-5),
+            (128, 5e-3, 1e-4),
+            (128, 5e-3, 5e-4),
+            (128, 5e-2, 1e-4),
+            (1024, 5e-3, 1e-4),
+            (1024, 5e-2, 1e-4),
+        ] {
+            let of = |&(queue, known): &(&str, Known)| {
+                let [excess, launches] =
+                    launching(queue, &speeds, each * speeds.len() as u32, known, frame_s, launch_s);
+                std::format!(" {excess:.2} ({launches:.0}) |")
+            };
+            let row: String = row.iter().map(of).collect();
+            eprintln!("| {name} | {each} | {} ms, {} µs |{row}", frame_s * 1e3, launch_s * 1e6);
+        }
+    }
 }
 
 /// Prints the table.

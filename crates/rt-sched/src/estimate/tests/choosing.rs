@@ -30,7 +30,7 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     let truths: Vec<f64> = tasks.iter().map(|&task| truth(task, &patchy)).collect();
     let models = vec![CostModel::UNIT; devices as usize];
     let queue = StaticQueue::new(&Lpt.schedule(&work, &models));
-    let simulation = Simulation { launch_s: 0.0, pop_s: 0.0, ..Simulation::default() };
+    let simulation = Simulation { hand_over_s: 0.0, pop_s: 0.0, ..Simulation::default() };
     let run = simulation.run(&queue, devices as usize, &|_, task| truths[task as usize]);
     let of_ray = truths.iter().sum::<f64>() / f64::from(stream.rays());
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
