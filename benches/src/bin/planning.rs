@@ -43,7 +43,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         writeln!(Stdout, "| {devices} | {:.3} |", median(&runs))?;
     }
     let costs: Vec<f64> = (0..1_000_000).map(|i| f64::from(task(i).tests())).collect();
-    let bound = time(|| drop(black_box(bound::related(&costs, &[1.0; 8]))));
+    let bound = time(|| _ = black_box(bound::related(&costs, &[1.0; 8])));
     writeln!(Stdout, "\nbound of 1,000,000 tasks on 8 devices: {} ms", show(&bound))?;
     Ok(())
 }

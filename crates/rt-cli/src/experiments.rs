@@ -1,6 +1,7 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
 use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::memory::Room;
 use crate::{interrupt, progress, scene};
 use anyhow::Result;
 use indicatif::ProgressBar;
@@ -41,6 +42,19 @@ impl Show for Terminal {
     }
 }
 
+/// Bytes that a ray of a measured stream needs at most, with its hits, counts and predictions on host and devices.
+const BYTES_PER_RAY: u64 = 512;
+
+/// Refuses streams of more rays than there is memory for. Sizes that the user does not choose fit every machine.
+fn require_room(rays: Option<u64>, advice: &str) -> Result<()> {
+    let Some(rays) = rays else { return Ok(()) };
+    Room::now().require(rays.saturating_mul(BYTES_PER_RAY), &format!("measuring streams of {rays} rays"), advice)
+}
+
+fn pixels(size: Option<[u32; 2]>) -> Option<u64> {
+    size.map(|[width, height]| u64::from(width) * u64::from(height))
+}
+
 /// Runs an experiment on scenes that are prepared as the options say.
 fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'_>) -> Result<()>) -> Result<()> {
     scene::check(scenes)?;
@@ -50,6 +64,7 @@ fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'
 }
 
 pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
+    require_room(pixels(args.size), "choose a smaller --size")?;
     let options = figure1::Options {
         scenes: args.scenes.clone(),
         estimator: args.estimate.chosen()?,
@@ -67,6 +82,7 @@ pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
 }
 
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
+    require_room(args.rays.map(u64::from), "choose fewer --rays")?;
     let options = bench::Options {
         scenes: args.scenes.clone(),
         devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
@@ -93,6 +109,7 @@ pub(crate) fn tradeoff(args: &TradeoffArgs) -> Result<()> {
 }
 
 fn trade(args: &TradeArgs, chosen: Option<Chosen>) -> Result<()> {
+    require_room(pixels(args.size), "choose a smaller --size")?;
     let options = tradeoff::Options {
         scenes: args.scenes.clone(),
         devices: args.devices.clone(),
@@ -107,6 +124,7 @@ fn trade(args: &TradeArgs, chosen: Option<Chosen>) -> Result<()> {
 }
 
 fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
+    require_room(pixels(args.size), "choose a smaller --size")?;
     let options = precision::Options {
         scenes: args.scenes.clone(),
         devices: args.backend.clone(),

@@ -7,6 +7,8 @@
 use anyhow::{Result, bail};
 use rt_balance::Control;
 use rt_report::exit::Exit;
+use std::io::{self, Write};
+use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 use std::time::Duration;
 
@@ -44,6 +46,19 @@ pub(crate) fn requested() -> bool {
 /// What a signal asks to end with, if one came.
 pub(crate) fn exit() -> Option<Exit> {
     [Exit::Interrupted, Exit::Terminated].into_iter().find(|exit| exit.code() == CODE.load(Ordering::Relaxed))
+}
+
+/// Ends the process when all is written.
+///
+/// Not by returning from `main`, which runs the clean-up of drivers: a device that did not answer, or was not waited
+/// for after a signal, has left a thread at work in its driver, and that crashes.
+pub(crate) fn leave(exit: Exit) -> ExitCode {
+    // What clap printed; our own results were flushed where it could still be told that they are lost.
+    let _ = io::stdout().flush();
+    #[cfg(unix)]
+    signal_hook::low_level::exit(exit.code().into());
+    #[cfg(not(unix))]
+    exit.into()
 }
 
 /// An error once a signal came.

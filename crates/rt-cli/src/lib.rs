@@ -39,7 +39,7 @@ pub fn main() -> ExitCode {
             Exit::Usage
         }
     };
-    exit.into()
+    interrupt::leave(exit)
 }
 
 fn run(cli: Cli) -> Result<()> {

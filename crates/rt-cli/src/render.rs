@@ -234,12 +234,13 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     let scene = &report.scene;
     writeln!(
         Stdout,
-        "{}: {} triangles, tree of {:.1} MB by {} (threads: {}, million triangles/s: {:.2}), {} precision",
+        "{}: {} triangles, tree of {:.1} MB by {} on {} thread{}, {:.2} million triangles/s, {} precision",
         scene.source,
         table::grouped(scene.triangles as u64),
         scene.bvh_bytes as f64 / 1e6,
         scene.builder,
         scene.build_threads,
+        if scene.build_threads == 1 { "" } else { "s" },
         scene.triangles as f64 / report.seconds.build.max(1e-9) / 1e6,
         scene.precision
     )?;

@@ -72,3 +72,33 @@ fn a_limited_address_space_ends_in_an_error() {
     let (code, error) = limited(8_000_000, "64x40");
     assert_eq!(code, Some(0), "{error}");
 }
+
+/// Rays of a file and of measured streams, too, are refused before they are read or made. Fails when a command does not
+/// ask.
+#[cfg(target_os = "linux")]
+#[test]
+fn streams_beyond_the_memory_are_refused_with_both_numbers() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let rays = dir.path().join("rays.npy");
+    // A file with a hole: it takes no disk.
+    let header = format!("{:<117}\n", "{'descr': '<f4', 'fortran_order': False, 'shape': (134217728, 8), }");
+    fs::write(&rays, [&b"\x93NUMPY\x01\x00\x76\x00"[..], header.as_bytes()].concat()).expect("a file");
+    let file = fs::OpenOptions::new().write(true).open(&rays).expect("the file");
+    file.set_len(128 + (32 << 27)).expect("a file with a hole");
+    let [rays, out] = [rays, dir.path().join("out")].map(|path| path.display().to_string());
+    for (command, advice) in [
+        (format!("trace yard --rays {rays} --hits {out}"), "split the file"),
+        (format!("figure1 yard --size 65536x65536 --out {out}"), "choose a smaller --size"),
+        (format!("tradeoff build yard --size 65536x65536 --out {out}"), "choose a smaller --size"),
+        (format!("tradeoff precision yard --size 65536x65536 --out {out}"), "choose a smaller --size"),
+        (format!("bench yard --devices cpu:1 --rays 268435456 --out {out}"), "choose fewer --rays"),
+    ] {
+        let line = format!("ulimit -v 8000000; exec {} {command}", env!("CARGO_BIN_EXE_raybalance"));
+        let run = Command::new("sh").arg("-c").arg(line).output().expect("a shell");
+        let error = String::from_utf8_lossy(&run.stderr);
+        assert_eq!(run.status.code(), Some(1), "{command}: {error}");
+        for part in ["needs about", "GB", "ulimit -v", advice] {
+            assert!(error.contains(part), "{command}: {part}: {error}");
+        }
+    }
+}

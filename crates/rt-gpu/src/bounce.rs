@@ -158,8 +158,8 @@ impl Trial {
 
     /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        let whence = |i: usize| format!("the ray from {:?}", self.rays.departures[i]);
-        first_fault(&self.expected(), made, self.left_out, whence)
+        let name_of = |i: usize| format!("the ray from {:?}", self.rays.departures[i]);
+        first_fault(&self.expected(), made, self.left_out, name_of)
     }
 }
 

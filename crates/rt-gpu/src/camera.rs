@@ -85,8 +85,8 @@ impl Trial {
 
     /// What is wrong with what a device wrote to binding 6.
     fn first_fault(&self, made: &[KernelRay]) -> Option<String> {
-        let whence = |i| format!("ray {} of {:?}", i + 1, self.rays.camera);
-        first_fault(&self.expected(), made, LEFT_OUT, whence)
+        let name_of = |i| format!("ray {} of {:?}", i + 1, self.rays.camera);
+        first_fault(&self.expected(), made, LEFT_OUT, name_of)
     }
 }
 

@@ -3,14 +3,14 @@
 use crate::{Layouts, Profile, RayCounters};
 use rt_core::Device;
 
-/// A graphics card, or a processor in the guise of one, as its driver describes it.
+/// A graphics card, or a processor that its driver presents as one, as that driver describes it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Card {
     /// Its name.
     pub name: String,
     /// The driver's name and version.
     pub driver: String,
-    /// Whether it is a processor in the guise of a graphics card.
+    /// Whether it is a processor that its driver presents as a graphics card.
     pub software: bool,
     /// PCI's numbers of its maker and its model.
     pub model: [u32; 2],

@@ -32,12 +32,12 @@ impl Trials {
 }
 
 /// The first ray that is neither the `expected` one nor left to the host, in words, or that more than the share
-/// `left_out` are left; `None` if the device passes. `whence` says where a ray comes from.
+/// `left_out` are left; `None` if the device passes. `name_of` says which ray one is.
 pub(crate) fn first_fault(
     expected: &[KernelRay],
     made: &[KernelRay],
     left_out: f64,
-    whence: impl Fn(usize) -> String,
+    name_of: impl Fn(usize) -> String,
 ) -> Option<String> {
     if made.len() != expected.len() {
         return Some(format!("it makes {} rays of {}", made.len(), expected.len()));
@@ -47,7 +47,7 @@ pub(crate) fn first_fault(
         if made.kind == KernelRay::HOST {
             left += 1;
         } else if bytemuck::bytes_of(expected) != bytemuck::bytes_of(made) {
-            return Some(format!("it makes {} as {made:?}, not {expected:?}", whence(i)));
+            return Some(format!("it makes {} as {made:?}, not {expected:?}", name_of(i)));
         }
     }
     let share = f64::from(left) / made.len() as f64;

@@ -27,11 +27,5 @@ pub mod tradeoff;
 
 pub use lab::{Lab, Show};
 
-use rt_bvh::{Builder, PlocQuality};
-
-/// Builds scenes of 300,000 triangles in a quarter of a second, and traces rooms faster than [`Builder::Sah`], whose
-/// trees are a little better outdoors (`cargo run --release -p rt-benches --bin peers -- SCENE --builder NAME`).
-pub const DEFAULT_BUILDER: Builder = Builder::Ploc(PlocQuality::Medium);
-
 /// What is measured where no scene is named.
 pub const DEFAULT_SCENES: [&str; 2] = ["yard", "car"];

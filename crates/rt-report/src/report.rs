@@ -13,8 +13,6 @@ pub const SCHEMA: u32 = 2;
 pub struct Report {
     /// Version of the layout: [`SCHEMA`].
     pub schema: u32,
-    /// Where it comes from.
-    pub provenance: Provenance,
     /// The scene that was traced.
     pub scene: SceneReport,
     /// Name of the queue.
@@ -25,6 +23,8 @@ pub struct Report {
     pub streams: Vec<StreamReport>,
     /// Where the time went.
     pub seconds: Seconds,
+    /// Where it comes from.
+    pub provenance: Provenance,
 }
 
 /// The scene and how it is traced.

@@ -146,7 +146,8 @@ mod tests {
             let ratio = found / expected;
             assert!((1.0 / 3.0..3.0).contains(&ratio), "{tasks} tasks, {speeds:?}: {found} {expected}");
         }
-        // Here chance decides: if the slow device takes one of the few tasks of ten times the mean last, that is the end.
+        // Here chance decides: if the slow device takes one of the few tasks of ten times the mean last, that is the
+        // end.
         let very = simulated_unequal(8192, &[1.0, 50.0, 50.0]);
         assert!(very < 0.02, "{very}");
         // The mean is twice the slowest, in any unit.

@@ -114,8 +114,8 @@ fn a_launch_that_takes_too_long_is_hung(found: &Found) -> Result<(), Failed> {
     let slow = |kernel: &'static Kernel| match kernel.purpose {
         Purpose::Arithmetic => kernel.wgsl.to_owned(),
         _ => {
-            let wait = "var round = work.count;\n    while round != 1u { round = select(round * 3u + 1u, round / 2u, \
-                        round % 2u == 0u); }\n    for (var i = 0u; i < 20000000u * round; i += 1u) { found[item] = i ^ work.count; }\n    \
+            let wait = "var round = list.count;\n    while round != 1u { round = select(round * 3u + 1u, round / 2u, \
+                        round % 2u == 0u); }\n    for (var i = 0u; i < 20000000u * round; i += 1u) { found[item] = i ^ list.count; }\n    \
                         found[item] = nearest.slot;";
             kernel.wgsl.replacen("found[item] = nearest.slot;", wait, 1)
         }

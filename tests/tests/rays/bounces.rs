@@ -100,9 +100,9 @@ const WRONG: [(&str, &str); 7] = [
     ("abs(sum.x) * HALF_STEP", "abs(sum.x) * CLEARANCE"),
     ("c + GRID", "c + COARSE"),
     ("for (var i = 0; i < 3; i += 1)", "for (var i = 0; i < 2; i += 1)"),
-    ("order.dimension, path", "0u, path"),
-    ("order.first_group + path", "path"),
-    ("(item - order.words[rows + 2u * low])", "item"),
+    ("recipe.dimension, path", "0u, path"),
+    ("recipe.first_group + path", "path"),
+    ("(item - recipe.words[rows + 2u * low])", "item"),
     ("select(x.value, STEEPEST, none.x)", "x.value"),
 ];
 

@@ -3,7 +3,6 @@
 use clap::{Args, ValueEnum};
 use rt_bvh::Builder;
 use rt_core::Precision;
-use rt_lab::DEFAULT_BUILDER;
 
 /// Where the scene comes from and how its tree is built.
 #[derive(Clone, Debug, Args)]
@@ -12,7 +11,7 @@ pub(crate) struct SceneArgs {
     #[arg(long)]
     pub(crate) drop_invalid: bool,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Triangle tests: robust (watertight), fast (leaks on edges), f64; default: what the scene requires
     #[arg(long, value_enum)]

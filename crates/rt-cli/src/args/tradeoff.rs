@@ -4,7 +4,6 @@ use super::SceneArgs;
 use super::parse::{parse_devices, parse_size};
 use clap::{Args, Subcommand};
 use rt_bvh::Builder;
-use rt_lab::DEFAULT_BUILDER;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -82,7 +81,7 @@ pub(crate) struct PrecisionTradeoffArgs {
     #[arg(long, value_name = "N")]
     pub(crate) sample: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Seed of the rays
     #[arg(long, default_value_t = 1)]

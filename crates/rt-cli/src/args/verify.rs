@@ -4,7 +4,6 @@ use super::PrecisionArg;
 use super::parse::parse_devices;
 use clap::Args;
 use rt_bvh::Builder;
-use rt_lab::DEFAULT_BUILDER;
 use rt_report::exit::Exit;
 use std::path::PathBuf;
 
@@ -34,7 +33,7 @@ pub(crate) struct VerifyArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(100..=100_000_000), value_name = "N")]
     pub(crate) rays: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value_t = DEFAULT_BUILDER, value_name = "NAME")]
+    #[arg(long, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Seed of rays and meshes
     #[arg(long, default_value_t = 1)]

@@ -13,8 +13,8 @@ const MOMENTS: [f64; 8] = [0.05, 0.2, 0.4, 0.7, 1.0, 1.5, 2.2, 3.0];
 
 /// The signal comes before, while and after kernels are compiled anew, since no cache is used.
 ///
-/// Mutants: no thread that ends what does not end by itself; destructors of drivers run beside their own threads, which
-/// ends the process by another signal or not at all.
+/// Mutants: no thread that ends what does not end by itself; destructors of drivers run beside their own threads, after
+/// the thread that ends the process or after `main`, which ends the process by another signal or not at all.
 pub(crate) fn ends_while_compiling(device: &str) -> Outcome {
     let folder = tempfile::tempdir()?;
     for (i, moment) in MOMENTS.into_iter().enumerate() {

@@ -100,14 +100,14 @@ fn filled(paths: &Paths, wave: &Wave, hits: &[Hit], count: u32) -> [RaySource; 2
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::DEFAULT_BUILDER;
+    use rt_bvh::Builder;
     use rt_scene::prepare::{Options, prepare};
 
     /// Fails when spawning stops after one round: a third of the car's picture is floor and sky.
     #[test]
     fn every_kind_has_as_many_rays_as_asked_for() {
         let path = std::path::Path::new("car");
-        let prepared = prepare(path, &Options::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched).unwrap();
+        let prepared = prepare(path, &Options::new(Builder::default()), &mut rt_scene::obj::unwatched).unwrap();
         let scene = BenchScene::new(&prepared);
         let rays = scene.streams(1000, 1).unwrap();
         assert_eq!(rays.iter().map(|rays| rays.kind).collect::<Vec<_>>(), ["primary", "shadow", "diffuse", "random"]);

@@ -11,8 +11,9 @@ use rt_balance::cpu::CpuDevice;
 use rt_balance::report::StreamRun;
 use rt_balance::stats::{Summary, median};
 use rt_balance::{Balancer, Control, Device, Hit, Limits, Reference, Scheduling, Stream, StreamKind, StreamSpec};
+use rt_bvh::Builder;
+use rt_lab::arguments;
 use rt_lab::contenders::{CONTENDERS, HYBRID};
-use rt_lab::{DEFAULT_BUILDER, arguments};
 use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::output::{Outputs, write_atomically};
@@ -68,7 +69,7 @@ fn run(options: &Options) -> Result<()> {
     let outputs = options.json.iter().fold(Outputs::new(), |outputs, path| outputs.file("--json", path));
     let outputs = outputs.scenes([&options.scene]);
     outputs.check()?;
-    let scene = prepare(&options.scene, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+    let scene = prepare(&options.scene, &Prepare::new(Builder::default()), &mut rt_scene::obj::unwatched)?;
     outputs.spare_materials(&scene.libraries)?;
     let devices: Vec<Arc<dyn Device>> =
         CpuDevice::open_all(&options.devices)?.into_iter().map(|device| Arc::new(device) as _).collect();

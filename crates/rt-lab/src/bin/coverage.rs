@@ -19,12 +19,12 @@ use clap::Parser;
 use rayon::prelude::*;
 use rt_balance::catalogue::{ESTIMATORS, Estimator, find};
 use rt_balance::stats::median;
-use rt_bvh::Stack;
+use rt_bvh::{Builder, Stack};
 use rt_core::{
     Coherence, CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step,
     StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
-use rt_lab::{DEFAULT_BUILDER, arguments};
+use rt_lab::arguments;
 use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
@@ -124,7 +124,7 @@ fn run(options: &Options) -> Result<()> {
     )?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|---|---|---|---|---|")?;
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(name, &Prepare::new(Builder::default()), &mut rt_scene::obj::unwatched)?;
         let built = &scene.built.scene;
         let paths = scene.paths(&scene.view(), options.size, 1)?;
         let primary = paths.primary(&Wave::whole(options.size)?);

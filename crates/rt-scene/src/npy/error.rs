@@ -46,6 +46,11 @@ pub enum Fault {
     },
     /// It holds more rays than ids can number.
     TooMany(u64),
+    /// The system refuses the memory for its rays.
+    Memory {
+        /// Bytes that were asked for.
+        bytes: u64,
+    },
     /// The data end before the last ray.
     Ended {
         /// Rays that the header promises.
@@ -84,6 +89,9 @@ impl fmt::Display for Fault {
                 "found {found} of shape {shape:?}, wanted float32 or float64 ('<f4', '<f8') of shape [N, 8]: {advice}"
             ),
             Self::TooMany(rays) => write!(f, "{rays} rays are more than {}: split the file", u32::MAX),
+            Self::Memory { bytes } => {
+                write!(f, "there is no memory for the {bytes} bytes that the rays take: split the file")
+            }
             Self::Ended { rays, numbers, .. } => {
                 write!(f, "its header promises {rays} rays, but the data end among numbers {numbers:?}")
             }

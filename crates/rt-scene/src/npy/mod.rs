@@ -10,6 +10,7 @@ mod layout;
 
 pub use error::{Fault, RayFileError};
 
+use crate::memory::{NoMemory, grow};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 use header::Header;
@@ -61,10 +62,16 @@ impl<R: Read> RayFile<R> {
         }
     }
 
+    /// How many rays there are, as the header says: the data may end before.
+    #[must_use]
+    pub const fn promised(&self) -> u64 {
+        self.layout.rows
+    }
+
     /// Reads the rays, with `offset` subtracted from their origins in double precision before those are rounded.
     ///
     /// # Errors
-    /// When the file ends early.
+    /// When the file ends early, or the system refuses the memory for the rays.
     pub fn read(mut self, offset: DVec3) -> Result<Vec<Ray>, RayFileError> {
         let rays = match self.layout.number {
             Number::Single => self.read_numbers(|word: u32, column| single(u32::from_le(word), offset, column)),
@@ -90,7 +97,10 @@ impl<R: Read> RayFile<R> {
             self.input.read_exact(bytemuck::cast_slice_mut(chunk)).map_err(ended)?;
             // Grown as data arrives: a header that promises too much costs no memory.
             let known = if by_columns { end.min(rows as usize) } else { end / COLUMNS };
-            rays.resize(known.max(rays.len()), Ray::zeroed());
+            let known = known.max(rays.len());
+            let more = known - rays.len();
+            grow(&mut rays, more).map_err(|NoMemory { bytes }| Fault::Memory { bytes })?;
+            rays.resize(known, Ray::zeroed());
             let columns: &mut [[u32; COLUMNS]] = bytemuck::cast_slice_mut(&mut rays);
             let (mut outer, mut inner) = (start / run, start % run);
             for &word in &*chunk {

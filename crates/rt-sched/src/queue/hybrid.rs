@@ -95,7 +95,7 @@ fn spread(list: &[TaskId], work: &[Work]) -> Vec<TaskId> {
 impl HybridQueue {
     /// Queues with the lists of `schedule`, which was made for this work and these devices.
     ///
-    /// Lists should be sorted dearest task first, as those of [`Lpt`](crate::policy::Lpt) are.
+    /// Lists should be sorted most expensive task first, as those of [`Lpt`](crate::policy::Lpt) are.
     #[must_use]
     pub fn new(schedule: &Schedule, work: &[Work], devices: &[CostModel]) -> Self {
         let lists: Vec<Vec<TaskId>> = schedule.lists().iter().map(|list| spread(list, work)).collect();

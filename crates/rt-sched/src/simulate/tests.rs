@@ -245,8 +245,8 @@ proptest! {
     /// Whoever knows all cannot lose by stealing: with exact costs and speeds no run takes longer than its schedule,
     /// but for a launch.
     ///
-    /// Mutants: `loot` that takes half, or one task more; `steal` from the device with the longest list; `Paces::wait`
-    /// that forgets since when; `of` that takes `done` for the speed, so that whoever is in a long launch looks slow.
+    /// Mutants: `loot` that takes one task more; `of` that takes what is finished for the speed, so that whoever is in
+    /// a long launch looks slow.
     #[test]
     fn nothing_is_lost_by_stealing((work, devices) in exact()) {
         let schedule = Lpt.schedule(&work, &devices);

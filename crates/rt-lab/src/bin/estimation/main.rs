@@ -28,8 +28,8 @@ use measure::{Case, Outcome};
 use options::Options;
 use rt_balance::clock;
 use rt_balance::cpu::CpuDevice;
+use rt_bvh::Builder;
 use rt_core::{Device, Launch, RaySource, StreamKind, StreamSpec, Tracer, tasks_of};
-use rt_lab::DEFAULT_BUILDER;
 use rt_report::Provenance;
 use rt_report::exit;
 use rt_report::output::{Outputs, write_atomically};
@@ -67,7 +67,7 @@ fn run(options: &Options) -> Result<()> {
     let provenance = Provenance::now(SEED, [device.info().name.clone()]);
     writeln!(Stdout, "{provenance}")?;
     for name in &options.scenes {
-        let scene = prepare(name, &Prepare::new(DEFAULT_BUILDER), &mut rt_scene::obj::unwatched)?;
+        let scene = prepare(name, &Prepare::new(Builder::default()), &mut rt_scene::obj::unwatched)?;
         outputs.spare_materials(&scene.libraries)?;
         for &kind in &options.kinds {
             let mut tracer = device.tracer(Arc::clone(&scene.built.scene), clock)?;
