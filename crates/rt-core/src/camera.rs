@@ -142,8 +142,8 @@ impl CameraRays {
         ray[0]
     }
 
-    /// As many rays as there is room for, from number `first` on, which must all be below [`CameraRays::len`]. What rays have in
-    /// common is computed once.
+    /// As many rays as there is room for, from number `first` on, which must all be below [`CameraRays::len`]. What
+    /// they have in common is computed once.
     pub fn rays(&self, first: u32, rays: &mut [Ray]) {
         let Raster { pixel: [width, height], aspect } = self.raster();
         let at = |pixel: u32, [dx, dy]: [f32; 2]| {
@@ -198,7 +198,7 @@ mod tests {
         assert!(camera.ray(1.0, 0.5, 2.0).direction.abs_diff_eq(Vec3::new(2.0, 0.0, -1.0), 1e-6));
     }
 
-    /// Mutants: the sample that the first of several rays has is taken for 0; the next pixel's first sample for its second.
+    /// Mutants: the sample of the first of several rays is taken for 0; the next pixel's first sample for its second.
     #[test]
     fn rays_are_the_same_one_by_one_and_together() {
         let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");

@@ -156,8 +156,8 @@ impl RaySource {
         }
     }
 
-    /// As many rays as there is room for, from number `first` on, which must all be below [`RaySource::len`]; and, in as many
-    /// places, the primitives that they start on.
+    /// As many rays as there is room for, from number `first` on, which must all be below [`RaySource::len`]; and, in
+    /// as many places, the primitives that they start on.
     ///
     /// # Panics
     /// When there are not as many places for the one as for the other.
