@@ -4,7 +4,7 @@ use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
 use crate::device_thread::Call;
 use crate::estimate::{Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::models::{Key, uninformed_excess};
+use crate::models::{Key, regime};
 use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
@@ -183,8 +183,9 @@ impl Balancer {
         let begin = clock::now();
         self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || uninformed_excess(&self.members, &*scheduling.queue, tasks);
-        let uninformed = scheduling.uninformed_excess.unwrap_or_else(expected);
+        let regime = regime(&self.members, stream);
+        let expected = || scheduling.queue.uninformed_excess(&regime);
+        let uninformed = (scheduling.uninformed_excess.unwrap_or_else(expected), scheduling.queue.moves(&regime));
         let estimator = &mut *scheduling.estimator;
         let estimated = estimate(&mut self.members, stream, estimator, uninformed, output, &limits, control);
         let estimated = estimated.map_err(untouched)?;
@@ -197,7 +198,7 @@ impl Balancer {
 
         teach(
             &mut *scheduling.estimator,
-            stream.view(plan.workers.len(), estimated.uninformed_excess),
+            stream.view(plan.workers.len(), estimated.uninformed_excess, estimated.moves),
             &estimated,
             &ran,
         );

@@ -46,9 +46,9 @@ impl Stream {
     }
 
     /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose
-    /// `uninformed_excess` without an estimate.
+    /// `uninformed_excess` without an estimate; `moves` says whether tasks are moved while they run.
     #[must_use]
-    pub fn view(&self, devices: usize, uninformed_excess: f64) -> RayStream<'_> {
+    pub fn view(&self, devices: usize, uninformed_excess: f64, moves: bool) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
         let (source, seed, wave) = (Some(&self.source), self.seed, self.wave);
         RayStream {
@@ -60,6 +60,7 @@ impl Stream {
             source,
             devices,
             uninformed_excess,
+            moves,
         }
     }
 

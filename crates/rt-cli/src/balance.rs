@@ -24,16 +24,12 @@ impl EstimateArgs {
         if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..) | Make::Beginning(..)) {
             return unused("--fraction", "name one that samples so many rays, such as --estimator exact");
         }
-        if self.budget.is_some() && !matches!(entry.make, Make::Spending(..)) {
-            return unused("--budget", "it is for --estimator auto");
-        }
         if self.reduced.is_some() && entry.name != REDUCED {
             return unused("--reduced", "give --estimator reduced");
         }
         let entry = self.reduced.unwrap_or(entry);
         let chosen = match entry.make {
             Make::Plain(_) => None,
-            Make::Spending(..) => self.budget.and_then(|budget| entry.spending(budget)),
             Make::Sampling(..) | Make::Beginning(..) => {
                 self.fraction.and_then(Fraction::new).and_then(|fraction| entry.sampling(fraction))
             }

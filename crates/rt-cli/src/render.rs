@@ -250,6 +250,9 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     for reason in &scene.plan.reasons {
         writeln!(Stdout, "  {reason}")?;
     }
+    if args.balance.estimate.explain {
+        write!(Stdout, "\n{}", table::reasons(runs))?;
+    }
     writeln!(Stdout, "\n{}", table::streams(runs))?;
     let s = &report.seconds;
     let parts = [

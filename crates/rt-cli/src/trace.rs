@@ -86,6 +86,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
         };
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
+        if args.balance.estimate.explain {
+            write!(Stdout, "{}", table::reasons(std::slice::from_ref(&run)))?;
+        }
         write!(Stdout, "{}", table::streams(&[run]))?;
         let met = hits.iter().filter(|hit| hit.is_hit()).count();
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;

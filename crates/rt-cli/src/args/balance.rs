@@ -1,7 +1,7 @@
 //! How work is cut, estimated and dealt.
 
 use super::DeviceArgs;
-use super::parse::{named, parse_devices, parse_fraction, parse_seconds, parse_share, reduced_walk};
+use super::parse::{named, parse_devices, parse_fraction, parse_seconds, reduced_walk};
 use clap::Args;
 use rt_balance::QueueKind;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};
@@ -14,12 +14,12 @@ pub(crate) struct EstimateArgs {
     #[arg(long, value_parser = named(ESTIMATORS), default_value = ESTIMATORS[0].name, value_name = "NAME")]
     pub(crate) estimator: &'static Entry<Make>,
     /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156); default 1/64;
-    /// the estimator auto follows its budget instead, and adaptive begins with 1/256
+    /// adaptive begins with 1/256
     #[arg(long, value_parser = parse_fraction, value_name = "F")]
     pub(crate) fraction: Option<f64>,
-    /// Share of the trace that the estimator auto may spend on sampling [default: 0.005, half a percent]
-    #[arg(long, value_parser = parse_share, value_name = "F")]
-    pub(crate) budget: Option<f64>,
+    /// Print why each stream's estimate was made as it was, with the numbers that decided
+    #[arg(long)]
+    pub(crate) explain: bool,
     /// What the walk of the estimator reduced does at a leaf [default: leaf]
     #[arg(long, value_parser = reduced_walk(), value_name = "WALK")]
     pub(crate) reduced: Option<&'static Entry<Make>>,

@@ -109,6 +109,17 @@ impl Pace {
     }
 }
 
+/// How many launches a list is worth that deviates by `deviation`, where one costs `price`, both as a share of it.
+fn mending(deviation: f64, price: f64) -> f64 {
+    let launches = SPENT * deviation / price;
+    if launches < FEWEST { 1.0 } else { launches }
+}
+
+/// The same of a list of so many tasks of which nothing is known.
+pub(crate) fn mending_launches(tasks: f64, price: f64) -> f64 {
+    mending(SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
+}
+
 /// No time at all.
 const BUSY: u64 = u64::MAX;
 
@@ -250,9 +261,9 @@ impl Paces {
             return (f64::INFINITY, 0.0);
         }
         let spread = if self.are_costs_known() { 1.0 } else { SPREAD };
-        let doubt = if self.noise > 0.0 { SPEED_ERROR * share } else { 0.0 };
-        let launches = SPENT * (spread * self.std_deviation(share) + doubt) / price;
-        if launches < FEWEST {
+        let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
+        let launches = mending(spread * self.std_deviation(share) / share + doubt, price / share);
+        if launches <= 1.0 {
             return (1.0, 1.0);
         }
         let rest = (price / self.noise) * (price / self.noise) / (self.mean_share() * share);
