@@ -114,7 +114,7 @@ impl Balancer {
     /// As for [`Balancer::trace`].
     pub fn trace_rays(&mut self, rays: &[Ray], hits: &mut [Hit]) -> Result<StreamRun, BalanceError> {
         let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
+        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default()).with_tasks_for(self.members.len());
         self.trace(&stream, &mut Scheduling::default(), hits, None, Control::default())
     }
 

@@ -6,7 +6,7 @@
 use crate::QueueKind;
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
-use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
+use rt_sched::policy::{Block, Lpt, PermutedRegions, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::fmt;
@@ -99,6 +99,11 @@ pub const POLICIES: &[Entry<MakePolicy>] = &[
     entry("lpt", "Most expensive remaining task to the device that would finish it first", || Box::new(Lpt)),
     entry("block", "Contiguous blocks of tasks", || Box::new(Block)),
     entry("round-robin", "Tasks in turn", || Box::new(RoundRobin)),
+    entry(
+        "permuted-regions",
+        "Tasks in bit-reversed order, contiguous shares by speed (van Antwerpen, Seibert, Keller 2019)",
+        || Box::new(PermutedRegions),
+    ),
 ];
 
 /// Every queue, the default one first.

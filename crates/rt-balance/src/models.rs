@@ -127,12 +127,13 @@ pub(crate) fn regime(members: &[DeviceState], stream: &Stream) -> Regime {
     // As if every ray were a task: what it takes is the price of a test.
     let work = [Work::new(0.0, stream.source.len() as f32, 0.0)];
     let models = models_for(members, &workers, Key::of_rays(stream), &work);
-    let speed: f64 = models.iter().map(|model| 1.0 / model.seconds(&work[0])).sum();
+    // Of each device its launch in its part of the stream; those with much of the stream count for as much.
+    let launch = models.iter().map(|model| model.per_launch() / model.seconds(&work[0])).filter(|x| x.is_finite());
     Regime {
         tasks: stream.tasks.len(),
         devices: workers.len(),
         are_speeds_known: models.iter().any(|model| *model != CostModel::UNIT),
-        launch: models.iter().map(|model| model.per_launch() * speed).filter(|x| x.is_finite()).fold(0.0, f64::max),
+        launch: launch.sum(),
     }
 }
 

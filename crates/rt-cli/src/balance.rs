@@ -4,7 +4,7 @@ use crate::args::{BalanceArgs, EstimateArgs};
 use crate::frame::TaskCut;
 use anyhow::Result;
 use rt_balance::catalogue::{Estimator, Make};
-use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
+use rt_balance::{Limits, Scheduling};
 use rt_report::usage::{OrUsage, usage};
 use rt_sched::sample::Fraction;
 
@@ -57,7 +57,8 @@ impl BalanceArgs {
     pub(crate) fn cut(&self) -> TaskCut {
         match (self.tasks, self.task_size) {
             (Some(tasks), _) => TaskCut::Count(tasks),
-            (None, size) => TaskCut::Size(size.unwrap_or(DEFAULT_TASK_SIZE)),
+            (None, Some(size)) => TaskCut::Size(size),
+            (None, None) => TaskCut::Suited,
         }
     }
 }

@@ -24,6 +24,8 @@ pub(crate) const BYTES_PER_RAY: u64 = 256;
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum TaskCut {
+    /// Tasks that suit the rays and the devices.
+    Suited,
     /// Tasks of this many rays.
     Size(u32),
     /// This many tasks per stream.
@@ -31,10 +33,15 @@ pub(crate) enum TaskCut {
 }
 
 impl TaskCut {
-    pub(crate) fn size(self, rays: u32) -> u32 {
+    /// The stream cut for so many devices.
+    pub(crate) fn of(self, stream: Stream, devices: usize) -> Stream {
         match self {
-            Self::Size(size) => size,
-            Self::Count(tasks) => rays.div_ceil(tasks).max(1),
+            Self::Suited => stream.with_tasks_for(devices),
+            Self::Size(size) => stream.with_task_size(size),
+            Self::Count(tasks) => {
+                let size = stream.source.len().div_ceil(tasks).max(1);
+                stream.with_task_size(size)
+            }
         }
     }
 }
@@ -124,8 +131,8 @@ impl Renderer<'_> {
             return Ok(Vec::new());
         }
         let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
-        let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
-            .with_task_size(self.cut.size(rays));
+        let stream = self.cut.of(stream, balancer.devices().count());
+        let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream };
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
         let bar = progress::bar("tracing", rays.into());
         let show = |done, _| bar.set_position(done);

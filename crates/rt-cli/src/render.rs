@@ -9,8 +9,8 @@ use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::shade::Light;
 use crate::{chart, html, interrupt, output, scene, table};
 use anyhow::{Context, Result};
-use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
+use rt_balance::{Balancer, DEFAULT_TASK_SIZE};
 use rt_core::bounce::Surfaces;
 use rt_core::{Device, Scene, StreamKind};
 use rt_report::Provenance;
@@ -168,6 +168,8 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     // Primary rays, and for each bounce shadow and diffuse ones at most.
     let rays = pixels * u64::from(args.spp) * u64::from(2 * args.bounces + 2);
     let tasks = match args.balance.cut() {
+        // Smaller ones only where they are few.
+        TaskCut::Suited => rays / u64::from(DEFAULT_TASK_SIZE),
         TaskCut::Size(size) => rays / u64::from(size.max(1)),
         TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * args.bounces + 2),
     };

@@ -45,11 +45,8 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
     let count = u32::try_from(rays.len()).with_context(|| format!("{}: more than 2^32 rays", args.rays.display()))?;
-    let stream = Stream {
-        seed: args.balance.seed,
-        ..Stream::new(RaySource::Explicit { rays: rays.into(), origins: None }, StreamKind::Custom, spec)
-            .with_task_size(args.balance.cut().size(count))
-    };
+    let stream = Stream::new(RaySource::Explicit { rays: rays.into(), origins: None }, StreamKind::Custom, spec);
+    let stream = Stream { seed: args.balance.seed, ..args.balance.cut().of(stream, devices.len()) };
     let mut hits = memory::filled(Hit::MISS, count as usize, "the hits")?;
     let counts = args.counts.as_ref().map(|_| memory::filled(TestCounts::default(), count as usize, "the counts"));
     let mut counts = counts.transpose()?;

@@ -37,7 +37,7 @@ pub struct Regime {
     pub devices: usize,
     /// Whether it was measured how fast they are.
     pub are_speeds_known: bool,
-    /// What a launch costs a device beside its rays, as a share of its part of the stream.
+    /// What a launch costs a device beside its rays, as a share of its part of the stream: in the mean over the stream.
     pub launch: f64,
 }
 

@@ -44,7 +44,7 @@ pub(crate) struct BalanceArgs {
     /// Number of tasks per stream
     #[arg(long, conflicts_with = "task_size", value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
     pub(crate) tasks: Option<u32>,
-    /// Rays per task [default: 1024]
+    /// Rays per task [default: 1024, or 512 or 256 where devices would have less than 64 tasks]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), value_name = "RAYS")]
     pub(crate) task_size: Option<u32>,
     /// How long a device may be busy with one launch until it is given up; the others do its work long before

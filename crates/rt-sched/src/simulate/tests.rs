@@ -1,7 +1,7 @@
 //! Policies and queues against lower bounds, on the virtual clock.
 
 use super::*;
-use crate::policy::{Block, Lpt, Policy, RoundRobin};
+use crate::policy::{Block, Lpt, PermutedRegions, Policy, RoundRobin};
 use crate::queue::{CentralQueue, HybridQueue, StaticQueue};
 use crate::{bound, metrics};
 use alloc::boxed::Box;
@@ -14,6 +14,7 @@ pub(super) fn queue(name: &str, work: &[Work], devices: &[CostModel]) -> Box<dyn
     match name {
         "block" => Box::new(StaticQueue::new(&Block.schedule(work, devices))),
         "round robin" => Box::new(StaticQueue::new(&RoundRobin.schedule(work, devices))),
+        "permuted" => Box::new(StaticQueue::new(&PermutedRegions.schedule(work, devices))),
         "lpt" => Box::new(StaticQueue::new(&Lpt.schedule(work, devices))),
         "fifo" => Box::new(CentralQueue::new(&vec![Work::new(1.0, 1.0, 0.0); work.len()], devices)),
         "central" => Box::new(CentralQueue::new(work, devices)),
