@@ -24,8 +24,8 @@ use rt_core::{Hit, Ray, Triangle};
 /// For each dominant axis, the axes in which triangles are looked at, and itself.
 pub(crate) const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// Tests rays of a group, whose dominant axis is `axes[2]`, against a block of so many triangles, and returns those that
-/// have a nearer hit now; `given` are the group's rays as the caller gave them.
+/// Tests rays of a group, whose dominant axis is `axes[2]`, against a block of so many triangles, and returns those
+/// that have a nearer hit now; `given` are the group's rays as the caller gave them.
 #[inline(always)]
 pub(crate) fn nearest<L: Level>(
     level: L,
@@ -121,8 +121,8 @@ fn may_hit<L: Level>(level: L, group: &Group, block: &Block, lane: usize, axes: 
     rays & !(negative & positive)
 }
 
-/// The triangles of a block, a bit each, that one ray of a group, whose dominant axis is `axes[2]`, may hit. Spare lanes
-/// of the block are like its first.
+/// The triangles of a block, a bit each, that one ray of a group, whose dominant axis is `axes[2]`, may hit. Spare
+/// lanes of the block are like its first.
 #[inline(always)]
 pub(crate) fn may_be_hit<L: Level>(level: L, group: &Group, lane: usize, block: &Block, axes: [usize; 3]) -> u32 {
     let lane = lane % LANES;
