@@ -111,9 +111,9 @@ impl BlockNode {
         &self.children
     }
 
-    /// For rays that ask for the nearest hit and each octant of directions, whose bit k says that a direction is negative
-    /// along axis k, the slots in the order in which to put them on a stack: those that a ray should visit last come
-    /// first. Three bits a slot, from the lowest up.
+    /// For rays that ask for the nearest hit and each octant of directions, whose bit k says that a direction is
+    /// negative along axis k, the slots in the order in which to put them on a stack: those that a ray should visit
+    /// last come first. Three bits a slot, from the lowest up.
     #[inline(always)]
     #[must_use]
     pub const fn orders(&self) -> &[u32; WIDTH] {
