@@ -144,13 +144,13 @@ fn garbage_is_refused_or_read_but_never_panics() {
 #[test]
 fn there_are_no_more_rays_than_the_file_has_room_for() {
     let file = tempfile::NamedTempFile::new().unwrap();
-    let header = |descr| dict(descr, "False", "(1000000000000, 8)");
+    let header = |descr| dict(descr, "False", "(1000000000, 8)");
     for (descr, row) in [("<f4", 32), ("<f8", 64)] {
         let bytes = npy(&header(descr), &[0; 320]);
         std::fs::write(file.path(), &bytes).unwrap();
         let most = RayFile::open(file.path()).unwrap().most_rays();
         assert_eq!(most, bytes.len() as u64 / row);
         // Memory and pipes may hold whatever the header says.
-        assert_eq!(RayFile::new(&*bytes, String::new()).unwrap().most_rays(), 1_000_000_000_000);
+        assert_eq!(RayFile::new(&*bytes, String::new()).unwrap().most_rays(), 1_000_000_000);
     }
 }
