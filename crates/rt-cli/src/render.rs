@@ -1,7 +1,7 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::memory::{self, Room};
+use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
 use crate::output::Outputs;
 use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
@@ -11,7 +11,7 @@ use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_core::bounce::Surfaces;
 use rt_core::{Device, Scene, StreamKind};
-use rt_render::{BYTES_PER_RAY, Film, Light, Part, Renderer, Session, TaskCut};
+use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
 use rt_report::chart::cost::CostMap;
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
@@ -210,9 +210,6 @@ pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-/// Bytes that what is recorded of a task takes, and what is written about it: an estimate, meant to be too high.
-const BYTES_PER_TASK: u64 = 512;
-
 /// Least memory in which rays are traced.
 const LEAST_WAVE: u64 = 1 << 20;
 
@@ -235,8 +232,8 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     );
     room.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
     // What the picture leaves, if that is less than may be used; the scene wants half of it.
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory.min((room.bytes - kept) / 2))?;
-    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_RAY;
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory.min((room.bytes - kept) / 2))?;
+    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_PATH;
     room.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
     Ok(waves)
 }

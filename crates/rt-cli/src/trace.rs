@@ -1,7 +1,7 @@
 //! `raybalance trace`: rays from a NumPy file, hits to another.
 
 use crate::args::TraceArgs;
-use crate::memory::{self, Room};
+use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
 use crate::ranks::trace::RayRanges;
 use crate::ranks::{self, Ranks};
@@ -9,20 +9,14 @@ use crate::report::{Report, SCHEMA, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
-use rt_core::{Hit, Query, Ray, RaySource, StreamKind, StreamSpec, TestCounts};
+use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_report::Provenance;
 use rt_report::npy;
 use rt_report::print::Stdout;
 use rt_scene::npy::RayFile;
-use std::fs;
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Bytes that a ray needs at most: 32 for itself and, while the list of rays grows, as many again; its hit, counts and
-/// estimate, and on each graphics card's host side the 64 of a ray with its limits.
-const BYTES_PER_RAY: u64 = 160;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut ranks = Ranks::join()?;
@@ -48,9 +42,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         outputs.check()?;
     }
     let rays = RayFile::open(&args.rays)?;
-    let there = rays_in(&args.rays).map_or(rays.promised(), |most| most.min(rays.promised()));
-    let what = format!("{}: tracing {there} rays", args.rays.display());
-    Room::now().require(there.saturating_mul(BYTES_PER_RAY), &what, "split the file")?;
+    let most = rays.most_rays();
+    let what = format!("{}: tracing {most} rays", args.rays.display());
+    Room::now().require(most.saturating_mul(BYTES_PER_GIVEN_RAY), &what, "split the file")?;
     let prepared = args.source.prepare(&args.scene)?;
     outputs.spare_materials(&prepared.libraries)?;
     let rays = rays.read(prepared.model.offset)?;
@@ -132,11 +126,4 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;
     }
     Ok(is_complete)
-}
-
-/// Most rays that a regular file has room for, whatever its header promises; `None` where only reading tells, as of a
-/// pipe.
-fn rays_in(path: &Path) -> Option<u64> {
-    let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
-    Some(about.len() / size_of::<Ray>() as u64)
 }

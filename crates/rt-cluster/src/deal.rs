@@ -42,8 +42,8 @@ pub struct Deal<'a> {
     pub fingerprint: u64,
     /// Which deal of several over the same transport this is; the same on all ranks.
     pub round: u32,
-    /// What tiles cost, where that is known (as from the frame before) on rank 0; no rank may be asked then, so all must
-    /// have `Some`.
+    /// What tiles cost, where that is known (as from the frame before) on rank 0; no rank may be asked then, so all
+    /// must have `Some`.
     pub prices: Option<&'a [f32]>,
     /// On rank 0, tiles that are finished already.
     pub finished: &'a [u32],

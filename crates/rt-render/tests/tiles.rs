@@ -8,7 +8,7 @@ use rt_cluster::local::{LocalRank, Weather, network};
 use rt_cluster::{ClusterError, Deal, Dealt, Finished, Patience, deal};
 use rt_core::bounce::Surfaces;
 use rt_render::tiles::{FrameTiles, cut, fingerprint, fingerprint_of_scene, unpack};
-use rt_render::{BYTES_PER_RAY, Film, Light, Part, Renderer, Session, TaskCut};
+use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
 use rt_scene::prepare::{Options, Prepared, prepare};
 use rt_scene::streams::{Paths, Waves};
 use std::ops::ControlFlow;
@@ -56,7 +56,7 @@ fn with_session<T>(renderer: &Renderer<'_>, work: impl FnOnce(&mut Session<'_>) 
 }
 
 fn waves() -> Waves {
-    Waves::new(SIZE, SAMPLES, BYTES_PER_RAY, 1 << 30).expect("a size")
+    Waves::new(SIZE, SAMPLES, 1, u64::MAX).expect("a size")
 }
 
 /// Of one process, in one wave.

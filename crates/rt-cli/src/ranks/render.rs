@@ -2,14 +2,14 @@
 
 use super::{Ranks, explained, print, warn};
 use crate::args::RenderArgs;
-use crate::memory::{self, Room};
+use crate::memory::{self, BYTES_PER_PATH, Room};
 use crate::render::{self, Stage};
 use crate::report::{Report, SCHEMA};
 use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
 use rt_cluster::{Deal, Finished, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
-use rt_render::{BYTES_PER_RAY, Film, Session};
+use rt_render::{Film, Session};
 use rt_report::Provenance;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
@@ -101,9 +101,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
 
 /// Cuts the picture into tiles. Free memory does not decide how: it differs between machines, the cut must not.
 fn cut(args: &RenderArgs, ranks: &Ranks) -> Result<Waves> {
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory)?;
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory)?;
     let tiles = tiles::cut(waves, args.spp, ranks.size());
-    let tile = tiles.largest() * u64::from(args.spp) * BYTES_PER_RAY;
+    let tile = tiles.largest() * u64::from(args.spp) * BYTES_PER_PATH;
     let picture = if ranks.rank() == 0 { tiles.pixels() * Film::BYTES_PER_PIXEL } else { 0 };
     let what = format!("a picture of {} pixels in tiles of {}", tiles.pixels(), memory::size(tile));
     Room::now().require(picture + tile, &what, "choose a smaller --memory or --size")?;
