@@ -61,10 +61,11 @@ pub use answers::Audit;
 pub use balancer::Balancer;
 pub use clock::now as clock;
 pub use error::BalanceError;
+pub use estimate::Estimate;
 pub use limits::Limits;
 pub use reference::Reference;
 pub use rt_sched::queue::QueueKind;
-pub use stream::{Control, DEFAULT_TASK_SIZE, Scheduling, Stream};
+pub use stream::{Control, DEFAULT_TASK_SIZE, Finished, Scheduling, Stream};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]

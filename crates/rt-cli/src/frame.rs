@@ -129,7 +129,7 @@ impl Renderer<'_> {
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
         let bar = progress::bar("tracing", rays.into());
         let show = |done, _| bar.set_position(done);
-        let control = Control { cancel: Some(self.cancel), progress: Some(&show) };
+        let control = Control { cancel: Some(self.cancel), progress: Some(&show), ..Control::default() };
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
         bar.finish_and_clear();
         let mut run = traced?;

@@ -12,9 +12,9 @@ use anyhow::{Context, Result};
 use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
 use rt_core::bounce::Surfaces;
-use rt_core::{Device, Scene, StreamKind};
+use rt_core::{Device, StreamKind};
 use rt_report::Provenance;
-use rt_report::chart::cost::CostMap;
+use rt_report::chart::cost::{self, CostMap};
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
 use rt_scene::prepare::Prepared;
@@ -51,7 +51,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let setup = begin.elapsed().as_secs_f64();
     let mut session = Session { balancer, scheduling, runs: Vec::new() };
 
-    let described = scene_report(&prepared, &scene);
+    let described = SceneReport::of(&prepared);
     let Prepared { model, precision, load_s, build_s, .. } = prepared;
     let extent = model.bounds().extent().length();
     let renderer = Renderer {
@@ -115,7 +115,6 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         size: args.size,
         samples: args.spp,
         picture: &args.out.join(picture_name(0, args)),
-        estimated: scaled_estimate,
     };
     rendered.write(&args.out.join("report.html"))?;
     if args.json {
@@ -189,7 +188,7 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
 /// Adds the primary rays of a wave to the first frame's map.
 fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
     for run in runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0) {
-        map.add_wave(&wave.pixels, &run.tasks, &scaled_estimate(run), &run.measured_s);
+        map.add_wave(&wave.pixels, &run.tasks, &cost::scaled_estimate(run), &run.measured_s);
     }
 }
 
@@ -199,35 +198,9 @@ fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenan
     Ok(costs.write_png(&args.out.join("cost.png"))?)
 }
 
-/// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
-/// its first launches its prices come from sparse samples, which are more expensive than what follows.
-fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
-    let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
-    let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));
-    let scale = if predicted > 0.0 && measured > 0.0 { measured / predicted } else { 1.0 };
-    run.predicted_s.iter().map(|seconds| seconds * scale).collect()
-}
-
 /// What devices call themselves.
 pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
-}
-
-pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
-    let build = &prepared.built.report;
-    SceneReport {
-        source: prepared.model.source.clone(),
-        offset: prepared.model.offset.to_array(),
-        triangles: prepared.model.indices.len(),
-        degenerate: build.dropped_degenerate as usize,
-        invalid: build.dropped_invalid as usize,
-        builder: build.builder.to_string(),
-        fallback: build.fallback.map(|reason| reason.to_string()),
-        build_threads: build.threads,
-        precision: prepared.precision.name(),
-        bvh_bytes: scene.bytes(),
-        plan: prepared.plan.clone(),
-    }
 }
 
 fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {

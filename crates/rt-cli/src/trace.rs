@@ -3,7 +3,7 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, Room};
 use crate::output::Outputs;
-use crate::report::{Report, SCHEMA, Seconds};
+use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
@@ -78,7 +78,7 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
         let report = Report {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
-            scene: render::scene_report(&prepared, &scene),
+            scene: SceneReport::of(&prepared),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
             streams: vec![run.report],
