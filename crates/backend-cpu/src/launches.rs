@@ -2,7 +2,7 @@
 
 use crate::tracer::coherence;
 use rt_bvh::BlockTree;
-use rt_core::{Hit, Precision, Ray, RayMask, RaySource, Scene, StreamSpec};
+use rt_core::{Coherence, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec};
 use rt_simd::{Kernel, Scratch};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -44,7 +44,6 @@ struct Room {
     scratch: Scratch,
     rays: Vec<Ray>,
     excluded: Vec<u32>,
-    hits: Vec<Hit>,
 }
 
 impl Launches {
@@ -70,32 +69,40 @@ impl Launches {
     ) {
         let taken = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut room = taken.unwrap_or_default();
+        let how = (spec.query, coherence(source, spec));
         match (source, done) {
+            // A caller's own rays are read where they are.
             (RaySource::Explicit { rays, origins }, None) => {
                 let range = range.start as usize..range.end as usize;
                 let excluded = origins.as_ref().map_or(&[][..], |origins| &origins[range.clone()]);
-                let how = (spec.query, coherence(source, spec));
                 self.kernel.trace(&self.tree, &mut room.scratch, how, &rays[range], excluded, hits);
             }
             (_, Some((done, true))) => {
                 hits.fill(Hit::MISS);
                 let rest: Vec<u32> = range.clone().filter(|&ray| !done.contains(ray)).collect();
+                let mut found = [Hit::MISS; WINDOW];
                 for numbers in rest.chunks(WINDOW) {
-                    room.trace(self, source, spec, numbers.iter().map(|&ray| source.ray(ray)));
-                    for (&ray, hit) in numbers.iter().zip(&room.hits) {
-                        hits[(ray - range.start) as usize] = *hit;
+                    let found = &mut found[..numbers.len()];
+                    let (rays, excluded) = room.places(numbers.len());
+                    for ((ray, excluded), &number) in rays.iter_mut().zip(excluded).zip(numbers) {
+                        (*ray, *excluded) = source.ray(number);
+                    }
+                    room.trace(self, how, found);
+                    for (&number, hit) in numbers.iter().zip(&*found) {
+                        hits[(number - range.start) as usize] = *hit;
                     }
                 }
             }
             _ => {
-                let none = (Ray::new([0.0; 3].into(), [0.0; 3].into()), u32::MAX);
-                let is_done = |ray: u32| done.is_some_and(|(done, _)| done.contains(ray));
-                let mut numbers = range;
-                for hits in hits.chunks_mut(WINDOW) {
-                    let rays = numbers.by_ref().take(hits.len());
-                    let rays = rays.map(|ray| if is_done(ray) { none } else { source.ray(ray) });
-                    room.trace(self, source, spec, rays);
-                    hits.copy_from_slice(&room.hits);
+                for (hits, first) in hits.chunks_mut(WINDOW).zip(range.step_by(WINDOW)) {
+                    let (rays, excluded) = room.places(hits.len());
+                    source.rays(first, rays, excluded);
+                    if let Some((done, _)) = done {
+                        let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
+                        let rays = rays.iter_mut().zip(first..).filter(|(_, number)| done.contains(*number));
+                        rays.for_each(|(ray, _)| *ray = none);
+                    }
+                    room.trace(self, how, hits);
                 }
             }
         }
@@ -104,24 +111,15 @@ impl Launches {
 }
 
 impl Room {
-    /// Traces rays of a stream that are made here; the hits are in `hits`.
-    fn trace(
-        &mut self,
-        launches: &Launches,
-        source: &RaySource,
-        spec: StreamSpec,
-        rays: impl Iterator<Item = (Ray, u32)>,
-    ) {
-        let Self { scratch, rays: made, excluded, hits } = self;
-        made.clear();
-        excluded.clear();
-        for (ray, origin) in rays {
-            made.push(ray);
-            excluded.push(origin);
-        }
-        hits.clear();
-        hits.resize(made.len(), Hit::MISS);
-        let how = (spec.query, coherence(source, spec));
-        launches.kernel.trace(&launches.tree, scratch, how, made, excluded, hits);
+    /// Places for so many rays, and for the primitives that they start on.
+    fn places(&mut self, count: usize) -> (&mut [Ray], &mut [u32]) {
+        self.rays.resize(count, Ray::new([0.0; 3].into(), [0.0; 3].into()));
+        self.excluded.resize(count, u32::MAX);
+        (&mut self.rays, &mut self.excluded)
+    }
+
+    /// Traces the rays that were put there.
+    fn trace(&mut self, launches: &Launches, how: (Query, Coherence), hits: &mut [Hit]) {
+        launches.kernel.trace(&launches.tree, &mut self.scratch, how, &self.rays, &self.excluded, hits);
     }
 }

@@ -1,7 +1,7 @@
 //! What a tree is like: its shape, and what a ray is expected to pay for it.
 
 use crate::scale::{exponent, pow2};
-use rt_core::{Aabb, Child, Scene};
+use rt_core::{Aabb, Child, Scene, Triangle};
 
 /// Cost of visiting a node: two box tests, each at the price of a triangle test. Between 1 and 2 the trees trace
 /// equally fast; 2 makes them smaller.
@@ -47,6 +47,12 @@ impl Areas {
     /// [`Aabb::half_area`], shrunk.
     pub(crate) fn half(self, bounds: &Aabb) -> f32 {
         Aabb { min: bounds.min * self.shrink, max: bounds.max * self.shrink }.half_area()
+    }
+
+    /// A triangle's area, shrunk likewise.
+    pub(crate) fn of_triangle(self, triangle: &Triangle) -> f32 {
+        let [a, b, c] = triangle.vertices().map(|vertex| vertex * self.shrink);
+        0.5 * (b - a).cross(c - a).length()
     }
 }
 

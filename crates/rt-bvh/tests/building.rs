@@ -4,7 +4,9 @@ mod common;
 
 use common::{Model, Random, closest, grid, nasty_rays, scene_of, soup, with};
 use glam::Vec3;
-use rt_bvh::{BuildError, BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, TreeStats, build, build_with};
+use rt_bvh::{
+    BuildError, BuildOptions, Builder, InvalidTriangles, MOST_STEPS, Mesh, PlocQuality, TreeStats, build, build_with,
+};
 use rt_core::{Hit, MAX_DEPTH, Precision, Ray};
 
 /// Triangles whose boxes all have their centre at the origin.
@@ -91,10 +93,9 @@ fn no_hundred_thousand_triangles_make_a_builder_slow() {
         ("nested elsewhere", &|i| triangle.map(|p| p * sized(i) + Vec3::Y * sized(i) * 1e-3)),
     ];
     for &builder in Builder::ALL {
-        // Those that try to move many nodes visit 1,024 for each of them in the worst case, and would take seconds for
-        // as many.
+        // Those that try to move many nodes visit 256 for each of them in the worst case, which takes seconds.
         let thorough = matches!(builder, Builder::Ploc(PlocQuality::Slow | PlocQuality::VerySlow));
-        let (count, most) = if thorough { (20_000, 400.0) } else { (100_000, 20.0) };
+        let (count, most) = if thorough { (20_000, MOST_STEPS) } else { (100_000, 20.0) };
         for (name, corners) in kinds {
             let model = made(count, corners);
             let built = build(model.mesh(), &with(builder)).expect("finite mesh");

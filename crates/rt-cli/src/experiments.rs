@@ -1,7 +1,7 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
 use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
-use crate::memory::Room;
+use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
 use anyhow::Result;
 use indicatif::ProgressBar;
@@ -42,13 +42,14 @@ impl Show for Terminal {
     }
 }
 
-/// Bytes that a ray of a measured stream needs at most, with its hits, counts and predictions on host and devices.
-const BYTES_PER_RAY: u64 = 512;
-
 /// Refuses streams of more rays than there is memory for. Sizes that the user does not choose fit every machine.
 fn require_room(rays: Option<u64>, advice: &str) -> Result<()> {
     let Some(rays) = rays else { return Ok(()) };
-    Room::now().require(rays.saturating_mul(BYTES_PER_RAY), &format!("measuring streams of {rays} rays"), advice)
+    Room::now().require(
+        rays.saturating_mul(BYTES_PER_MEASURED_RAY),
+        &format!("measuring streams of {rays} rays"),
+        advice,
+    )
 }
 
 fn pixels(size: Option<[u32; 2]>) -> Option<u64> {

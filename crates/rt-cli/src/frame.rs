@@ -17,10 +17,6 @@ use std::sync::atomic::AtomicBool;
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
 
-/// Bytes that one ray of a wave needs at most: where it leaves, its hit, pixel and throughput of this bounce and the
-/// next, where its shadow ray leaves, and on a device the 64 of the ray itself.
-pub(crate) const BYTES_PER_RAY: u64 = 256;
-
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum TaskCut {

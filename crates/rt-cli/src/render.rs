@@ -2,8 +2,8 @@
 
 use crate::args::RenderArgs;
 use crate::film::Film;
-use crate::frame::{BYTES_PER_RAY, Part, Renderer, Session, TaskCut};
-use crate::memory::{self, Room};
+use crate::frame::{Part, Renderer, Session, TaskCut};
+use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::shade::Light;
@@ -154,9 +154,6 @@ fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
-/// Bytes that what is recorded of a task takes, and what is written about it: an estimate, meant to be too high.
-const BYTES_PER_TASK: u64 = 512;
-
 /// Least memory in which rays are traced.
 const LEAST_WAVE: u64 = 1 << 20;
 
@@ -179,8 +176,8 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     );
     room.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
     // What the picture leaves, if that is less than may be used; the scene wants half of it.
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_RAY, args.memory.min((room.bytes - kept) / 2))?;
-    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_RAY;
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory.min((room.bytes - kept) / 2))?;
+    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_PATH;
     room.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
     Ok(waves)
 }

@@ -1,26 +1,20 @@
 //! `raybalance trace`: rays from a NumPy file, hits to another.
 
 use crate::args::TraceArgs;
-use crate::memory::{self, Room};
+use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
-use rt_core::{Hit, Query, Ray, RaySource, StreamKind, StreamSpec, TestCounts};
+use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_report::Provenance;
 use rt_report::npy;
 use rt_report::print::Stdout;
 use rt_scene::npy::RayFile;
-use std::fs;
 use std::io::Write;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Bytes that a ray needs at most: 32 for itself and, while the list of rays grows, as many again; its hit, counts and
-/// estimate, and on each graphics card's host side the 64 of a ray with its limits.
-const BYTES_PER_RAY: u64 = 160;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let start = Instant::now();
@@ -32,9 +26,9 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     scene::check([&args.scene])?;
     outputs.check()?;
     let rays = RayFile::open(&args.rays)?;
-    let there = rays_in(&args.rays).map_or(rays.promised(), |most| most.min(rays.promised()));
-    let what = format!("{}: tracing {there} rays", args.rays.display());
-    Room::now().require(there.saturating_mul(BYTES_PER_RAY), &what, "split the file")?;
+    let most = rays.most_rays();
+    let what = format!("{}: tracing {most} rays", args.rays.display());
+    Room::now().require(most.saturating_mul(BYTES_PER_GIVEN_RAY), &what, "split the file")?;
     let prepared = args.source.prepare(&args.scene)?;
     outputs.spare_materials(&prepared.libraries)?;
     let rays = rays.read(prepared.model.offset)?;
@@ -91,11 +85,4 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;
     }
     Ok(())
-}
-
-/// Most rays that a regular file has room for, whatever its header promises; `None` where only reading tells, as of a
-/// pipe.
-fn rays_in(path: &Path) -> Option<u64> {
-    let about = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
-    Some(about.len() / size_of::<Ray>() as u64)
 }

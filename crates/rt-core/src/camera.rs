@@ -137,12 +137,33 @@ impl CameraRays {
     /// Ray number `index`, which must be below [`CameraRays::len`].
     #[must_use]
     pub fn ray(&self, index: u32) -> Ray {
-        let pixel = self.pixels[(index / self.samples) as usize];
-        let (x, y) = (pixel & 0xffff, pixel >> 16);
+        let mut ray = [Ray::new(Vec3::ZERO, Vec3::ZERO)];
+        self.rays(index, &mut ray);
+        ray[0]
+    }
+
+    /// As many rays as there is room for, from number `first` on, which must all be below [`CameraRays::len`]. What
+    /// they have in common is computed once.
+    pub fn rays(&self, first: u32, rays: &mut [Ray]) {
         let Raster { pixel: [width, height], aspect } = self.raster();
-        let [dx, dy] =
-            if self.samples == 1 { [0.5, 0.5] } else { random::spread_pair(self.seed, pixel, 0, index % self.samples) };
-        self.camera.ray((x as f32 + dx) * width, (y as f32 + dy) * height, aspect)
+        let at = |pixel: u32, [dx, dy]: [f32; 2]| {
+            let (x, y) = ((pixel & 0xffff) as f32, (pixel >> 16) as f32);
+            self.camera.ray((x + dx) * width, (y + dy) * height, aspect)
+        };
+        if self.samples == 1 {
+            let pixels = &self.pixels[first as usize..][..rays.len()];
+            rays.iter_mut().zip(pixels).for_each(|(ray, &pixel)| *ray = at(pixel, [0.5, 0.5]));
+            return;
+        }
+        let (mut pixel, mut sample) = ((first / self.samples) as usize, first % self.samples);
+        for ray in rays {
+            let here = self.pixels[pixel];
+            *ray = at(here, random::spread_pair(self.seed, here, 0, sample));
+            sample += 1;
+            if sample == self.samples {
+                (pixel, sample) = (pixel + 1, 0);
+            }
+        }
     }
 
     /// The factors from pixels to image positions.
@@ -166,6 +187,8 @@ pub struct Raster {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
+    use alloc::vec::Vec;
 
     #[test]
     fn the_centre_looks_at_the_target_and_up_is_up() {
@@ -173,6 +196,25 @@ mod tests {
         assert!(camera.ray(0.5, 0.5, 2.0).direction.abs_diff_eq(Vec3::NEG_Z, 1e-6));
         assert!(camera.ray(0.5, 0.0, 1.0).direction.abs_diff_eq(Vec3::new(0.0, 1.0, -1.0), 1e-6));
         assert!(camera.ray(1.0, 0.5, 2.0).direction.abs_diff_eq(Vec3::new(2.0, 0.0, -1.0), 1e-6));
+    }
+
+    /// Mutants: the sample of the first of several rays is taken for 0; the next pixel's first sample for its second.
+    #[test]
+    fn rays_are_the_same_one_by_one_and_together() {
+        let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");
+        for samples in [1, 2, 5] {
+            let pixels = [0, 1 | 2 << 16, 7, 3 << 16, 5].into();
+            let source = CameraRays { camera, size: [8, 4], pixels, samples, seed: 3 };
+            let alone: Vec<Ray> = (0..source.len()).map(|i| source.ray(i)).collect();
+            assert!(samples == 1 || alone[0].direction != alone[1].direction);
+            for first in 0..source.len() {
+                for last in first..=source.len() {
+                    let mut rays = vec![Ray::new(Vec3::ZERO, Vec3::ZERO); (last - first) as usize];
+                    source.rays(first, &mut rays);
+                    assert_eq!(rays, alone[first as usize..last as usize], "{samples}: {first}..{last}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -155,6 +155,23 @@ impl RaySource {
             Self::Bounce(bounce) => bounce.ray(index),
         }
     }
+
+    /// As many rays as there is room for, from number `first` on, which must all be below [`RaySource::len`]; and, in
+    /// as many places, the primitives that they start on.
+    ///
+    /// # Panics
+    /// When there are not as many places for the one as for the other.
+    pub fn rays(&self, first: u32, rays: &mut [Ray], origins: &mut [u32]) {
+        assert_eq!(rays.len(), origins.len(), "a primitive for each ray");
+        if let Self::Camera(camera) = self {
+            camera.rays(first, rays);
+            origins.fill(u32::MAX);
+        } else {
+            for ((ray, origin), index) in rays.iter_mut().zip(origins).zip(first..) {
+                (*ray, *origin) = self.ray(index);
+            }
+        }
+    }
 }
 
 /// What is asked of every ray of a stream; a kernel does only that.

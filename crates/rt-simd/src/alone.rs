@@ -5,7 +5,7 @@
 //! numbers that occur here. Slow, but right; and plain, so that tests compare the other kernels with it.
 
 use crate::rays::Frame;
-use crate::triangles::{reference, triangle};
+use crate::triangles::reference;
 use glam::DVec3;
 use rt_bvh::{BlockChild, BlockTree};
 use rt_core::scale::pow2;
@@ -50,7 +50,7 @@ pub(crate) fn trace(tree: &BlockTree, frame: &Frame, ray: &Ray, excluded: u32, q
                 for lane in 0..count as usize {
                     let id = block.id(lane);
                     if id != excluded
-                        && let Some(hit) = reference(frame, ray, &triangle(block, lane), id)
+                        && let Some(hit) = reference(frame, ray, &block.triangle(lane), id)
                         && hit.is_before(&best)
                     {
                         best = hit;

@@ -5,6 +5,7 @@
 //! o′)·r is for any of them, bit for bit: what one ray enters, the frustum enters.
 
 use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, Level};
+use crate::order::order;
 use crate::rays::{Group, Set};
 use rt_bvh::BlockNode;
 
@@ -68,7 +69,7 @@ impl Frustum {
 
     /// Which children of a node rays may enter, and at which distances at least: those to be visited last come first.
     #[inline(always)]
-    pub(crate) fn enter<L: Level>(
+    pub(crate) fn enter<L: Level, const ANY: bool>(
         &self,
         level: L,
         node: &BlockNode,
@@ -77,7 +78,7 @@ impl Frustum {
         let near = near.greater(self.nearest(level, node, 2).greater(level.splat8(self.begin)));
         let far = self.farthest(level, node, 0).lesser(self.farthest(level, node, 1));
         let far = far.lesser(self.farthest(level, node, 2).lesser(level.splat8(self.limit)));
-        let (slots, count) = near.not_above_in_order(far, node.orders()[self.octant & 7]);
+        let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         (near.pick(slots), slots, count)
     }
 

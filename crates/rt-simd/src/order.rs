@@ -6,22 +6,25 @@
 
 use crate::lanes::LANES;
 use crate::packet::RAYS;
+use rt_bvh::BlockNode;
 use rt_core::intersect::shear_axes;
 use rt_core::{Hit, Ray};
 
 /// Rays that are sorted together: a task of 32 × 32 pixels.
 pub(crate) const WINDOW: usize = 1024;
 
-/// One ray in so many is looked at to find out whether neighbours go alike: one for each sixteen that are tested
-/// together.
+/// One packet in so many is looked at to find out whether neighbours go alike.
+const STRIDE: usize = 4;
+
+/// And one ray in so many of it: one for each sixteen that are tested together.
 const STEP: usize = LANES;
 
 /// Whether so few neighbours go alike that sorting pays: more than two of a packet's four bins differ on average. Of
 /// camera rays and shadow rays towards the sun hardly any do, of diffuse rays nearly all. A wrong guess costs less than
-/// half the speed.
+/// half the speed. Measured: looking at every packet waits for memory, 8% of the time of the fastest rays.
 pub(crate) fn pays(rays: &[Ray]) -> bool {
     let (mut packets, mut bins) = (0, 0);
-    for packet in rays.chunks_exact(RAYS) {
+    for packet in rays.chunks_exact(RAYS).step_by(STRIDE) {
         packets += 1;
         bins += packet.iter().step_by(STEP).fold(0_u32, |bins, ray| bins | 1 << bin_of(ray)).count_ones();
     }
@@ -84,4 +87,10 @@ impl Sorted {
 fn bin_of(ray: &Ray) -> u8 {
     let octant = ray.direction.to_array().iter().rev().fold(0, |octant, d| octant << 1 | u8::from(*d < 0.0));
     octant * 3 + shear_axes(ray.direction)[2] as u8
+}
+
+/// The order in which the slots of a node go on the stack, as [`BlockNode::orders`] has it.
+#[inline(always)]
+pub(crate) fn order<const ANY: bool>(node: &BlockNode, octant: usize) -> u32 {
+    if ANY { 0o7654_3210 } else { node.orders()[octant & 7] }
 }

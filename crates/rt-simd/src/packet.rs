@@ -14,7 +14,7 @@ use crate::lanes::{Floats8 as _, Floats16, LANES, Level, Slots as _};
 use crate::rays::{Frame, Group, Set};
 use crate::single;
 use crate::stack::Stack;
-use crate::triangles::{AXES, confirm, may_hit};
+use crate::triangles::{AXES, any, nearest};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::Ray;
 
@@ -108,7 +108,9 @@ impl Walk<'_> {
                 continue;
             }
             match BlockChild::of(child) {
-                BlockChild::Node(index) => self.node(level, &frustum, &self.tree.nodes()[index as usize], rays, stack),
+                BlockChild::Node(index) => {
+                    self.node::<L, ANY>(level, &frustum, &self.tree.nodes()[index as usize], rays, stack)
+                }
                 BlockChild::Block { index, count } => {
                     if self.block::<L, ANY>(level, &self.tree.blocks()[index as usize], count, rays) {
                         frustum.shorten(level, self.groups, &self.open);
@@ -127,8 +129,15 @@ impl Walk<'_> {
 
     /// Puts on the stack which children which rays enter.
     #[inline(always)]
-    fn node<L: Level>(&self, level: L, frustum: &Frustum, node: &BlockNode, rays: u64, stack: &mut Stack) {
-        let (near, slots, count) = frustum.enter(level, node);
+    fn node<L: Level, const ANY: bool>(
+        &self,
+        level: L,
+        frustum: &Frustum,
+        node: &BlockNode,
+        rays: u64,
+        stack: &mut Stack,
+    ) {
+        let (near, slots, count) = frustum.enter::<L, ANY>(level, node);
         let (mut entries, mut numbers) = ([0.0; 8], [0; 8]);
         near.store(&mut entries);
         slots.store(&mut numbers);
@@ -190,22 +199,14 @@ impl Walk<'_> {
                 if some == 0 {
                     continue;
                 }
-                let mut open = [0; 4];
-                for (lane, open) in open.iter_mut().enumerate().take(count as usize) {
-                    *open = may_hit(level, group, block, lane, axes, some);
-                }
-                for (lane, &open) in open.iter().enumerate().take(count as usize) {
-                    let open = if ANY { open & self.open[i] } else { open };
-                    if open == 0 {
-                        continue;
-                    }
-                    let better = confirm(level, self.frame, group, given, (block, lane), axes, open);
-                    if better != 0 {
-                        shorter = true;
-                        if ANY {
-                            self.open[i] &= !better;
-                        }
-                    }
+                let better = if ANY {
+                    any(level, self.frame, group, given, (block, count), axes, some)
+                } else {
+                    nearest(level, self.frame, group, given, (block, count), axes, some)
+                };
+                shorter |= better != 0;
+                if ANY {
+                    self.open[i] &= !better;
                 }
             }
         }

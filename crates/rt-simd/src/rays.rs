@@ -114,9 +114,11 @@ pub(crate) struct Group {
     pub(crate) tmin: Lanes,
     /// Distance of the best hit, else the given `tmax`.
     pub(crate) t: Lanes,
+    /// Of the best hit; means nothing where there is none.
     pub(crate) u: Lanes,
+    /// Likewise.
     pub(crate) v: Lanes,
-    /// Primitive of the best hit, as bits: they are moved, never computed with.
+    /// Primitive of the best hit, likewise, as bits: they are moved, never computed with.
     pub(crate) primitive: Lanes,
     /// The primitive that each ray starts on and must not hit, as bits; those of [`NONE`]: none.
     pub(crate) excluded: Lanes,
@@ -253,9 +255,6 @@ impl Group {
         }
         tmin.store(&mut self.tmin);
         tmax.store(&mut self.t);
-        level.splat(0.0).store(&mut self.u);
-        level.splat(0.0).store(&mut self.v);
-        level.splat(NONE).store(&mut self.primitive);
         self.found = 0;
     }
 
@@ -269,12 +268,19 @@ impl Group {
     /// The rays' hits.
     #[inline(always)]
     pub(crate) fn write<L: Level>(&self, level: L, hits: &mut [Hit]) {
-        let t = level.load(&self.t).or_else(self.found, level.splat(f32::INFINITY));
-        let columns = [t, level.load(&self.u), level.load(&self.v), level.load(&self.primitive)];
-        let rows: [Hit; LANES] = bytemuck::cast(L::F16::rows(columns));
+        let columns = [
+            level.load(&self.t).or_else(self.found, level.splat(Hit::MISS.t)),
+            level.load(&self.u).or_else(self.found, level.splat(Hit::MISS.u)),
+            level.load(&self.v).or_else(self.found, level.splat(Hit::MISS.v)),
+            level.load(&self.primitive).or_else(self.found, level.splat(NONE)),
+        ];
         match hits.first_chunk_mut::<LANES>() {
-            Some(hits) => *hits = rows,
-            None => hits.copy_from_slice(&rows[..hits.len()]),
+            Some(hits) => L::F16::store_rows(columns, bytemuck::cast_mut(hits)),
+            None => {
+                let mut rows = [Hit::MISS; LANES];
+                L::F16::store_rows(columns, bytemuck::cast_mut(&mut rows));
+                hits.copy_from_slice(&rows[..hits.len()]);
+            }
         }
     }
 

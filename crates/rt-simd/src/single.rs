@@ -2,10 +2,11 @@
 //!
 //! A node's eight boxes are tested at once, and so are a block's four triangles.
 
-use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Level, Slots as _};
+use crate::lanes::{Floats as _, Floats8 as _, LANES, Level, Slots as _};
+use crate::order::order;
 use crate::rays::{Frame, Group};
 use crate::stack::Stack;
-use crate::triangles::{AXES, reference, triangle};
+use crate::triangles::{AXES, may_be_hit, reference};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::{Hit, Ray};
 
@@ -19,10 +20,6 @@ struct Single {
     begin: f32,
     limit: f32,
     octant: usize,
-    origin: [f32; 3],
-    shear: [f32; 2],
-    error: f32,
-    floor: f32,
     axes: [usize; 3],
 }
 
@@ -42,17 +39,13 @@ impl Single {
             begin: group.begin.0[lane],
             limit: group.limit.0[lane],
             octant: near[0] | near[1] << 1 | near[2] << 2,
-            origin: [group.origin[0].0[lane], group.origin[1].0[lane], group.origin[2].0[lane]],
-            shear: [group.shear[0].0[lane], group.shear[1].0[lane]],
-            error: group.error.0[lane],
-            floor: group.floor.0[lane],
             axes: AXES[dominant % 3],
         }
     }
 
     /// Puts the children that the ray enters on the stack, the first to visit uppermost.
     #[inline(always)]
-    fn enter<L: Level>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
+    fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
         let planes = node.planes();
         let plane = |axis: usize, side: usize| {
             let reciprocal = level.splat8(self.reciprocal[axis]);
@@ -61,32 +54,11 @@ impl Single {
         };
         let near = plane(0, 0).greater(plane(1, 0)).greater(plane(2, 0).greater(level.splat8(self.begin)));
         let far = plane(0, 1).lesser(plane(1, 1)).lesser(plane(2, 1).lesser(level.splat8(self.limit)));
-        let (slots, count) = near.not_above_in_order(far, node.orders()[self.octant & 7]);
+        let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         let (entries, children) = stack.room();
         near.pick(slots).store(entries);
         slots.pick(node.children(), children);
         stack.grow(count);
-    }
-
-    /// The triangles of a block that the line may meet, a bit each.
-    #[inline(always)]
-    fn may_hit<L: Level>(&self, level: L, block: &Block) -> u32 {
-        let coordinate = |axis: usize| {
-            let numbers: &[f32; LANES] = bytemuck::cast_ref(&block.axes[axis]);
-            level.load12(numbers) - level.splat(self.origin[axis])
-        };
-        let z = coordinate(self.axes[2]);
-        let x = z.neg_mul_add(level.splat(self.shear[0]), coordinate(self.axes[0]));
-        let y = z.neg_mul_add(level.splat(self.shear[1]), coordinate(self.axes[1]));
-        // Groups of lanes: first, second and third vertices, and nothing. An edge is that of two others.
-        let (xp, xq, yp, yq) = (x.groups_cab(), x.groups_bca(), y.groups_cab(), y.groups_bca());
-        let edges = xp.mul_sub(yq, yp * xq);
-        let size = x.abs().greater(xp.abs()).greater(xq.abs()) + y.abs().greater(yp.abs()).greater(yq.abs());
-        let error = (size + level.splat(self.floor)) * level.splat(self.error);
-        let negative = u32::from(edges.below(level.splat(0.0) - error));
-        let positive = u32::from(error.below(edges));
-        let any = |edges: u32| edges | edges >> 4 | edges >> 8;
-        !(any(negative) & any(positive)) & 0xf
     }
 }
 
@@ -114,10 +86,10 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
             continue;
         }
         match BlockChild::of(child) {
-            BlockChild::Node(index) => ray.enter(level, &tree.nodes()[index as usize], stack),
+            BlockChild::Node(index) => ray.enter::<L, ANY>(level, &tree.nodes()[index as usize], stack),
             BlockChild::Block { index, count } => {
                 let block = &tree.blocks()[index as usize];
-                let mut open = ray.may_hit(level, block) & ((1 << count) - 1);
+                let mut open = may_be_hit(level, group, lane, block, ray.axes) & ((1 << count) - 1);
                 while open != 0 {
                     let triangle = open.trailing_zeros() as usize;
                     open &= open - 1;
@@ -142,7 +114,7 @@ fn meets(frame: &Frame, group: &mut Group, lane: usize, given: &Ray, block: &Blo
     if group.excluded.0[lane].to_bits() == id {
         return false;
     }
-    match reference(frame, given, &triangle(block, place), id) {
+    match reference(frame, given, &block.triangle(place), id) {
         Some(hit) if hit.is_before(&group.best(lane).unwrap_or(Hit::MISS)) => {
             group.put(lane, &hit);
             true

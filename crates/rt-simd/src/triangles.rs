@@ -15,7 +15,7 @@
 //! certain signs, and whose distance is certain to the last bit, gets the bits that [`Shear::hit`] gives. Any other
 //! lane asks [`Shear::hit`] itself.
 
-use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, Lanes, Level};
+use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level};
 use crate::rays::{Frame, Group, Set};
 use rt_bvh::Block;
 use rt_core::intersect::{CLEAR, EPSILON, ERROR, Shear};
@@ -24,16 +24,85 @@ use rt_core::{Hit, Ray, Triangle};
 /// For each dominant axis, the axes in which triangles are looked at, and itself.
 pub(crate) const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
 
-/// The rays of `rays`, whose dominant axis is `axes[2]`, that may hit the triangle in a lane of a block.
+/// Tests rays of a group, whose dominant axis is `axes[2]`, against a block of so many triangles, and returns those
+/// that have a nearer hit now; `given` are the group's rays as the caller gave them.
 #[inline(always)]
-pub(crate) fn may_hit<L: Level>(
+pub(crate) fn nearest<L: Level>(
     level: L,
-    group: &Group,
-    block: &Block,
-    lane: usize,
+    frame: &Frame,
+    group: &mut Group,
+    given: &[Ray],
+    (block, count): (&Block, u32),
     axes: [usize; 3],
     rays: Set,
 ) -> Set {
+    let mut improved = 0;
+    // All are tested before anyone looks, so that fewer branches go either way.
+    let open = candidates(level, group, block, count, axes, rays);
+    for (lane, &open) in open.iter().enumerate().take(count as usize) {
+        if open != 0 {
+            improved |= confirm(level, frame, group, given, (block, lane), axes, open);
+        }
+    }
+    improved
+}
+
+/// The same for rays that end with any hit, and returns those that end.
+#[inline(always)]
+pub(crate) fn any<L: Level>(
+    level: L,
+    frame: &Frame,
+    group: &mut Group,
+    given: &[Ray],
+    (block, count): (&Block, u32),
+    axes: [usize; 3],
+    rays: Set,
+) -> Set {
+    let few = rays.count_ones() < count;
+    let known = if few { candidates(level, group, block, count, axes, rays) } else { [0; 4] };
+    let mut rest = rays;
+    for (lane, &known) in known.iter().enumerate().take(count as usize) {
+        let open = if few { known & rest } else { may_hit(level, group, block, lane, axes, rest) };
+        if open != 0 {
+            rest &= !confirm(level, frame, group, given, (block, lane), axes, open);
+            if rest == 0 {
+                break;
+            }
+        }
+    }
+    rays & !rest
+}
+
+/// By lane of a block, of which so many hold a triangle: the rays of `rays`, whose dominant axis is `axes[2]`, that may
+/// hit it.
+///
+/// All rays are tested with one triangle at a time or, where they are fewer than the triangles, all triangles with one
+/// ray.
+#[inline(always)]
+fn candidates<L: Level>(level: L, group: &Group, block: &Block, count: u32, axes: [usize; 3], rays: Set) -> [Set; 4] {
+    let mut open = [0; 4];
+    let used = open.iter_mut().enumerate().take(count as usize);
+    if rays.count_ones() >= count {
+        for (lane, open) in used {
+            *open = may_hit(level, group, block, lane, axes, rays);
+        }
+        return open;
+    }
+    let mut rest = rays;
+    while rest != 0 {
+        let ray = rest.trailing_zeros();
+        let triangles = may_be_hit(level, group, ray as usize, block, axes);
+        for (lane, open) in open.iter_mut().enumerate() {
+            *open |= ((triangles >> lane & 1) as Set) << ray;
+        }
+        rest &= rest - 1;
+    }
+    open
+}
+
+/// The rays of `rays`, whose dominant axis is `axes[2]`, that may hit the triangle in a lane of a block.
+#[inline(always)]
+fn may_hit<L: Level>(level: L, group: &Group, block: &Block, lane: usize, axes: [usize; 3], rays: Set) -> Set {
     let origin =
         [level.load(&group.origin[axes[0]]), level.load(&group.origin[axes[1]]), level.load(&group.origin[axes[2]])];
     let shear = [level.load(&group.shear[0]), level.load(&group.shear[1])];
@@ -52,6 +121,29 @@ pub(crate) fn may_hit<L: Level>(
     rays & !(negative & positive)
 }
 
+/// The triangles of a block, a bit each, that one ray of a group, whose dominant axis is `axes[2]`, may hit. Spare
+/// lanes of the block are like its first.
+#[inline(always)]
+pub(crate) fn may_be_hit<L: Level>(level: L, group: &Group, lane: usize, block: &Block, axes: [usize; 3]) -> u32 {
+    let lane = lane % LANES;
+    let coordinate = |axis: usize| {
+        let numbers: &[f32; LANES] = bytemuck::cast_ref(&block.axes[axis]);
+        level.load12(numbers) - level.splat(group.origin[axis].0[lane])
+    };
+    let z = coordinate(axes[2]);
+    let x = z.neg_mul_add(level.splat(group.shear[0].0[lane]), coordinate(axes[0]));
+    let y = z.neg_mul_add(level.splat(group.shear[1].0[lane]), coordinate(axes[1]));
+    // Groups of lanes: first, second and third vertices, and nothing. An edge is that of two others.
+    let (xp, xq, yp, yq) = (x.groups_cab(), x.groups_bca(), y.groups_cab(), y.groups_bca());
+    let edges = xp.mul_sub(yq, yp * xq);
+    let size = x.abs().greater(xp.abs()).greater(xq.abs()) + y.abs().greater(yp.abs()).greater(yq.abs());
+    let error = (size + level.splat(group.floor.0[lane])) * level.splat(group.error.0[lane]);
+    let negative = u32::from(edges.below(level.splat(0.0) - error));
+    let positive = u32::from(error.below(edges));
+    let any = |edges: u32| edges | edges >> 4 | edges >> 8;
+    !(any(negative) & any(positive)) & 0xf
+}
+
 #[inline(always)]
 fn sheared<L: Level>(level: L, origin: [L::F16; 3], shear: [L::F16; 2], x: f32, y: f32, z: f32) -> [L::F16; 2] {
     let depth = level.splat(z) - origin[2];
@@ -61,7 +153,7 @@ fn sheared<L: Level>(level: L, origin: [L::F16; 3], shear: [L::F16; 2], x: f32, 
 /// Tests rays of a group, whose dominant axis is `axes[2]`, against the triangle in a lane of a block. Returns those
 /// for which it is the best hit so far; `given` are the group's rays as the caller gave them.
 #[inline(always)]
-pub(crate) fn confirm<L: Level>(
+fn confirm<L: Level>(
     level: L,
     frame: &Frame,
     group: &mut Group,
@@ -144,7 +236,9 @@ fn confirm_half<L: Level>(
 
     let mut improved = 0;
     let mut nearer = open & settled & low.below(cap);
-    // Ties go to the lower id.
+    // Ties go to the lower id. What is no nearer than a limit that is no hit's is as far.
+    let found = (group.found >> (8 * half)) as u8;
+    nearer |= open & settled & !found;
     for i in each(open & settled & !nearer) {
         let other = group.primitive.half(half)[i].to_bits();
         nearer |= u8::from(id < other) << i;
@@ -164,7 +258,7 @@ fn confirm_half<L: Level>(
     }
     let doubtful = open & !settled;
     if doubtful != 0 {
-        improved |= settle(frame, group, given, &triangle(block, lane), id, half, doubtful);
+        improved |= settle(frame, group, given, &block.triangle(lane), id, half, doubtful);
     }
     improved
 }
@@ -218,16 +312,6 @@ fn settle(frame: &Frame, group: &mut Group, given: &[Ray], triangle: &Triangle, 
 /// The reference test.
 pub(crate) fn reference(frame: &Frame, ray: &Ray, triangle: &Triangle, id: u32) -> Option<Hit> {
     Shear::new(ray, frame.scale_exponent, f64::INFINITY).hit(triangle, [ray.tmin, ray.tmax], id)
-}
-
-/// The triangle in a lane of a block.
-pub(crate) fn triangle(block: &Block, lane: usize) -> Triangle {
-    let [x, y, z] = &block.axes;
-    Triangle::new(
-        [x.a[lane], y.a[lane], z.a[lane]].into(),
-        [x.b[lane], y.b[lane], z.b[lane]].into(),
-        [x.c[lane], y.c[lane], z.c[lane]].into(),
-    )
 }
 
 /// The members of a set, in order.

@@ -2,6 +2,7 @@
 //!
 //! Double precision is not exact; [`sample`] says what the exact reference thinks of some of the same rays.
 
+use crate::exact;
 use crate::reference::Reference;
 use crate::stats::{clopper_pearson, quantile};
 use rayon::prelude::*;
@@ -95,12 +96,27 @@ impl Accuracy {
     }
 }
 
-/// How far `t` is from the distance in double precision, in units of its last place in single precision.
+/// How far `t` is from the distance, in units of its last place in single precision.
+///
+/// Double precision tells that to a fraction of a unit, but not where a ray starts so close to the triangle's plane
+/// that nearly all digits cancel: what seems off by more than a unit is compared with the exact distance, rounded once.
 fn ulp_error(ray: &Ray, triangle: &Triangle, t: f32) -> Option<f64> {
-    let exact = Shear::new(ray, 0, f64::INFINITY).intersect(triangle)?.t;
-    let nearest = exact.abs() as f32;
+    let error = units_between(t, Shear::new(ray, 0, f64::INFINITY).intersect(triangle)?.t);
+    if error <= 1.0 {
+        return Some(error);
+    }
+    match exact::hit(ray, triangle) {
+        // It is the nearest there is.
+        Some(right) if right == t => Some(0.5),
+        Some(right) => Some(units_between(t, right.into())),
+        None => Some(error),
+    }
+}
+
+fn units_between(t: f32, right: f64) -> f64 {
+    let nearest = right.abs() as f32;
     let unit = f64::from(nearest.next_up()) - f64::from(nearest);
-    Some((f64::from(t) - exact).abs() / unit)
+    (f64::from(t) - right).abs() / unit
 }
 
 /// What the exact reference says of some rays.
@@ -138,6 +154,7 @@ pub fn sample(triangles: &[Triangle], rays: &[(Ray, u32)], hits: &[Hit], query: 
 mod tests {
     use super::*;
     use glam::Vec3;
+    use rt_core::random::{pcg3d, unit};
 
     // Fails when hits and reference are exchanged, and when the unit is that of the next power of two.
     #[test]
@@ -155,5 +172,23 @@ mod tests {
         assert_eq!((any.other_ids.count, any.wrong.count, any.t_ulp), (0, 2, None));
         let sampled = sample(&[triangle], &[(ray, u32::MAX); 6], &found, Query::Closest);
         assert_eq!((sampled.rays, sampled.ambiguous, sampled.wrong.count), (6, 0, 3));
+    }
+
+    // Fails when the error of double precision is taken for the hit's.
+    #[test]
+    fn exact_distances_have_no_error_where_rays_start() {
+        let (mut seen, mut doubtful) = (0, 0);
+        for i in 0..20_000 {
+            let corner = |k| Vec3::from(pcg3d([7, i, k]).map(unit));
+            let [a, b, c] = [corner(0), corner(1), corner(2)];
+            let ray = Ray::new((a + b + c) / 3.0, corner(3) * 2.0 - Vec3::ONE);
+            let triangle = Triangle::new(a, b, c);
+            let Some(t) = exact::hit(&ray, &triangle).filter(|t| *t > 0.0) else { continue };
+            seen += 1;
+            let double = Shear::new(&ray, 0, f64::INFINITY).intersect(&triangle).map(|hit| units_between(t, hit.t));
+            doubtful += u32::from(double.is_some_and(|units| units > 1.0));
+            assert!(ulp_error(&ray, &triangle, t).is_none_or(|units| units <= 1.0), "{ray:?} {triangle:?}");
+        }
+        assert!(doubtful > 0, "{seen} rays hit, but none starts close enough to its plane");
     }
 }

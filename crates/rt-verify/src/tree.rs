@@ -1,7 +1,7 @@
 //! Triangles turned into a scene, and what `rt_bvh` itself says of rays on it.
 
 use glam::Vec3;
-use rt_bvh::{BuildOptions, Builder, Mesh, Stack};
+use rt_bvh::{BuildOptions, Builder, Built, Mesh, Stack};
 use rt_core::{Hit, Precision, Ray, Scene, StreamSpec, TestCounts, Triangle, Walk};
 use std::sync::Arc;
 
@@ -10,11 +10,19 @@ use std::sync::Arc;
 /// # Errors
 /// The builder's message.
 pub fn build(triangles: &[Triangle], builder: Builder) -> Result<Arc<Scene>, String> {
+    built(triangles, builder).map(|built| built.scene)
+}
+
+/// A scene of `triangles`, whose ids are their positions, and how it was built.
+///
+/// # Errors
+/// The builder's message.
+pub fn built(triangles: &[Triangle], builder: Builder) -> Result<Built, String> {
     let positions: Vec<Vec3> = triangles.iter().flat_map(Triangle::vertices).collect();
     let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let mesh = Mesh { positions: &positions, indices: &indices };
     let options = BuildOptions { builder, ..BuildOptions::default() };
-    rt_bvh::build(mesh, &options).map(|built| built.scene).map_err(|e| e.to_string())
+    rt_bvh::build(mesh, &options).map_err(|e| e.to_string())
 }
 
 /// Traces every ray with `rt_bvh`.

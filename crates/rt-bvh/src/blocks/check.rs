@@ -5,7 +5,7 @@ use crate::collapse::WIDTH;
 use alloc::vec;
 use alloc::vec::Vec;
 use core::fmt;
-use rt_core::{Aabb, Scene, Triangle};
+use rt_core::{Aabb, Scene};
 
 impl BlockTree {
     /// Checks the tree against the scene that it was made of: that every triangle is in one leaf with its own id, every
@@ -94,9 +94,7 @@ impl<'s> Triangles<'s> {
         let corner = |side: usize| block.axes.each_ref().map(|axis| axis.bounds[side]).into();
         let stated = Aabb { min: corner(0), max: corner(1) };
         for lane in 0..BLOCK {
-            let vertex =
-                |pick: fn(&super::BlockAxis) -> &[f32; BLOCK]| block.axes.each_ref().map(|axis| pick(axis)[lane]);
-            let triangle = Triangle::new(vertex(|x| &x.a).into(), vertex(|x| &x.b).into(), vertex(|x| &x.c).into());
+            let triangle = block.triangle(lane);
             let (slot, found) = self.places.get_mut(block.id(lane) as usize)?.as_mut()?;
             let right = triangle == self.scene.triangles()[*slot as usize] && stated.contains(&triangle.bounds());
             let spare = lane >= count as usize;

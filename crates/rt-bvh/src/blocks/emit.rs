@@ -1,12 +1,11 @@
-//! Writing down the tree that a plan describes.
+//! Writing down the tree that a plan describes, but for the order of children.
 
 use super::{BLOCK, Block, BlockAxis, BlockChild, BlockNode};
 use crate::collapse::{Plan, WIDTH};
 use alloc::vec;
 use alloc::vec::Vec;
 use bytemuck::Zeroable;
-use glam::Vec3;
-use rt_core::{Aabb, Scene};
+use rt_core::Scene;
 
 /// Nodes, depth first but that siblings lie together; blocks in the order of the leaves; and the depth. `None` where
 /// there are too many blocks.
@@ -21,14 +20,13 @@ pub(super) fn emit(scene: &Scene, plan: &Plan) -> Option<(Vec<BlockNode>, Vec<Bl
         deepest = deepest.max(depth);
         plan.children(scene, part, &mut parts);
         let mut node = BlockNode::EMPTY;
-        let mut bounds = [Aabb::EMPTY; WIDTH];
         let first = open.len();
         for (slot, part) in parts.iter().enumerate() {
             slots.clear();
-            bounds[slot] = part.gather(scene, &mut slots);
+            let bounds = part.gather(scene, &mut slots);
             for axis in 0..3 {
-                node.planes[axis][0][slot] = bounds[slot].min[axis];
-                node.planes[axis][1][slot] = bounds[slot].max[axis];
+                node.planes[axis][0][slot] = bounds.min[axis];
+                node.planes[axis][1][slot] = bounds.max[axis];
             }
             let child = if part.is_node() {
                 nodes.push(BlockNode::EMPTY);
@@ -44,7 +42,6 @@ pub(super) fn emit(scene: &Scene, plan: &Plan) -> Option<(Vec<BlockNode>, Vec<Bl
         }
         // The first child is written first.
         open[first..].reverse();
-        node.orders = core::array::from_fn(|octant| order(&bounds[..parts.len()], octant));
         nodes[index] = node;
     }
     Some((nodes, blocks, deepest))
@@ -67,15 +64,4 @@ fn block(scene: &Scene, slots: &[u32]) -> Block {
         axis.bounds = [all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max)];
     }
     block
-}
-
-/// An order of the slots, as [`BlockNode::orders`] has it: by the middle of each box along the octant's diagonal. Empty
-/// slots come first.
-fn order(bounds: &[Aabb], octant: usize) -> u32 {
-    let sign = |axis: usize| if octant >> axis & 1 == 1 { -0.5 } else { 0.5 };
-    let diagonal = Vec3::new(sign(0), sign(1), sign(2));
-    let key = |slot: usize| bounds.get(slot).map_or(f32::INFINITY, |b| (b.min * 0.5 + b.max * 0.5).dot(diagonal));
-    let mut slots: [usize; WIDTH] = core::array::from_fn(|slot| slot);
-    slots.sort_by(|&a, &b| key(b).total_cmp(&key(a)));
-    slots.iter().enumerate().fold(0, |order, (place, &slot)| order | (slot as u32) << (3 * place))
 }

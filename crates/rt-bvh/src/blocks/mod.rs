@@ -11,13 +11,15 @@
 
 mod check;
 mod emit;
+mod order;
 
 pub use check::BlockTreeError;
 
 use crate::collapse::{Costs, Plan, WIDTH};
+use crate::stats::Areas;
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
-use rt_core::{Aabb, Scene};
+use rt_core::{Aabb, Scene, Triangle};
 
 /// Triangles in a block.
 const BLOCK: usize = 4;
@@ -101,16 +103,17 @@ impl BlockNode {
         Aabb { min: corner(0), max: corner(1) }
     }
 
-    /// What is in each slot, as [`BlockChild::of`] reads it.
+    /// What is in each slot, as [`BlockChild::of`] reads it. Slots are in the order in which rays that ask for any hit
+    /// should put them on a stack: those to be visited last come first.
     #[inline(always)]
     #[must_use]
     pub const fn children(&self) -> &[u32; WIDTH] {
         &self.children
     }
 
-    /// For each octant of directions, whose bit k says that a direction is negative along axis k, the slots in the
-    /// order in which to put them on a stack: those that a ray should visit last come first. Three bits a slot, from
-    /// the lowest up.
+    /// For rays that ask for the nearest hit and each octant of directions, whose bit k says that a direction is
+    /// negative along axis k, the slots in the order in which to put them on a stack: those that a ray should visit
+    /// last come first. Three bits a slot, from the lowest up.
     #[inline(always)]
     #[must_use]
     pub const fn orders(&self) -> &[u32; WIDTH] {
@@ -152,6 +155,17 @@ impl Block {
     pub const fn id(&self, lane: usize) -> u32 {
         self.axes[lane / 2 % 2].ids[lane % 2]
     }
+
+    /// The triangle in a lane below 4.
+    #[must_use]
+    pub fn triangle(&self, lane: usize) -> Triangle {
+        let [x, y, z] = &self.axes;
+        Triangle::new(
+            [x.a[lane], y.a[lane], z.a[lane]].into(),
+            [x.b[lane], y.b[lane], z.b[lane]].into(),
+            [x.c[lane], y.c[lane], z.c[lane]].into(),
+        )
+    }
 }
 
 /// A scene in the layout for processors: all that tracing needs, the two-wide tree not among it.
@@ -171,7 +185,8 @@ impl BlockTree {
     #[must_use]
     pub fn new(scene: &Scene) -> Option<Self> {
         let plan = Plan::of(scene, COSTS);
-        let (nodes, blocks, depth) = emit::emit(scene, &plan)?;
+        let (mut nodes, blocks, depth) = emit::emit(scene, &plan)?;
+        order::arrange(&mut nodes, &blocks, Areas::of(scene));
         Some(Self { nodes, blocks, bounds: scene.bounds(), scale_exponent: scene.scale_exponent(), depth })
     }
 

@@ -212,6 +212,10 @@ pub struct Built {
     pub report: BuildReport,
 }
 
+/// Most [`BuildReport::steps`] of any builder for n ≥ 1,000 triangles, as a multiple of n log₂ n. What comes near it is
+/// [`PlocQuality::VerySlow`](crate::PlocQuality::VerySlow) on nested boxes.
+pub const MOST_STEPS: f64 = 100.0;
+
 /// How a scene was built.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildReport {
@@ -219,8 +223,8 @@ pub struct BuildReport {
     pub builder: Builder,
     /// Why that is not the one asked for; `None` when it is.
     pub fallback: Option<Fallback>,
-    /// Boxes that were binned, compared or visited: what building cost, the same on every machine. It is bounded by a
-    /// multiple of n log n for every mesh.
+    /// Boxes that were binned, compared or visited: what building cost, the same on every machine, and for n triangles
+    /// of any mesh at most [`MOST_STEPS`] n log₂ n.
     pub steps: u64,
     /// The threads there were for it.
     pub threads: usize,

@@ -12,7 +12,7 @@ use super::{BuildError, Control, filled, reserved};
 use alloc::vec::Vec;
 
 /// Most nodes visited for one that may be moved.
-const MOST_VISITED: u32 = 1 << 10;
+const MOST_VISITED: u32 = 1 << 8;
 
 /// Batches: the first has all nodes that are to be tried, the one with number i a (2i + 1)th of them.
 const BATCHES: u32 = 16;

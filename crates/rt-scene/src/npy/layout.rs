@@ -19,6 +19,15 @@ pub(super) enum Number {
     Double,
 }
 
+impl Number {
+    pub(super) const fn bytes(self) -> u64 {
+        match self {
+            Self::Single => 4,
+            Self::Double => 8,
+        }
+    }
+}
+
 impl Layout {
     /// # Errors
     /// When the array holds no rays; the message says what it holds and what to save instead.

@@ -16,7 +16,7 @@ use glam::DVec3;
 use header::Header;
 use layout::{Layout, Number};
 use rt_core::Ray;
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::io::{BufReader, Read};
 use std::path::Path;
 
@@ -31,6 +31,8 @@ const COLUMNS: usize = RAY_COLUMNS as usize;
 pub struct RayFile<R> {
     input: R,
     layout: Layout,
+    /// Bytes of the file; `None` where only reading tells, as of a pipe.
+    bytes: Option<u64>,
     /// For messages.
     name: String,
 }
@@ -44,7 +46,10 @@ impl RayFile<BufReader<File>> {
     pub fn open(path: &Path) -> Result<Self, RayFileError> {
         let name = path.display().to_string();
         match File::open(path) {
-            Ok(file) => Self::new(BufReader::new(file), name),
+            Ok(file) => {
+                let bytes = file.metadata().ok().filter(Metadata::is_file).map(|about| about.len());
+                Ok(Self { bytes, ..Self::new(BufReader::new(file), name)? })
+            }
             Err(error) => Err(RayFileError { file: name, fault: Fault::Open(error) }),
         }
     }
@@ -57,15 +62,17 @@ impl<R: Read> RayFile<R> {
     /// As [`RayFile::open`].
     pub fn new(mut input: R, name: String) -> Result<Self, RayFileError> {
         match Header::read(&mut input).and_then(|header| Layout::of(&header)) {
-            Ok(layout) => Ok(Self { input, layout, name }),
+            Ok(layout) => Ok(Self { input, layout, bytes: None, name }),
             Err(fault) => Err(RayFileError { file: name, fault }),
         }
     }
 
-    /// How many rays there are, as the header says: the data may end before.
+    /// Most rays that there can be: as many as the header says, or as a regular file has room for. The data may end
+    /// before.
     #[must_use]
-    pub const fn promised(&self) -> u64 {
-        self.layout.rows
+    pub fn most_rays(&self) -> u64 {
+        let row = RAY_COLUMNS * self.layout.number.bytes();
+        self.bytes.map_or(self.layout.rows, |bytes| self.layout.rows.min(bytes / row))
     }
 
     /// Reads the rays, with `offset` subtracted from their origins in double precision before those are rounded.

@@ -139,3 +139,18 @@ fn garbage_is_refused_or_read_but_never_panics() {
         let _ = parse_rays(&broken, DVec3::ZERO);
     }
 }
+
+/// Fails when a header is believed that promises more rays than its file has room for.
+#[test]
+fn there_are_no_more_rays_than_the_file_has_room_for() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let header = |descr| dict(descr, "False", "(1000000000, 8)");
+    for (descr, row) in [("<f4", 32), ("<f8", 64)] {
+        let bytes = npy(&header(descr), &[0; 320]);
+        std::fs::write(file.path(), &bytes).unwrap();
+        let most = RayFile::open(file.path()).unwrap().most_rays();
+        assert_eq!(most, bytes.len() as u64 / row);
+        // Memory and pipes may hold whatever the header says.
+        assert_eq!(RayFile::new(&*bytes, String::new()).unwrap().most_rays(), 1_000_000_000);
+    }
+}

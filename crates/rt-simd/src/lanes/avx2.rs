@@ -417,19 +417,17 @@ impl Floats16 for F16 {
     }
 
     #[inline(always)]
-    fn rows(columns: [Self; 4]) -> [[f32; 4]; LANES] {
+    fn store_rows(columns: [Self; 4], to: &mut [[f32; 4]; LANES]) {
         let [a, b, c, d] = columns;
-        let mut rows = [[0.0; 4]; LANES];
         for half in 0..2 {
             let words = transposed([a.0[half], b.0[half], c.0[half], d.0[half]]);
             for (j, word) in words.into_iter().enumerate() {
                 avx2! {
-                    _mm_storeu_ps(rows[8 * half + j].as_mut_ptr(), _mm256_castps256_ps128(word));
-                    _mm_storeu_ps(rows[8 * half + 4 + j].as_mut_ptr(), _mm256_extractf128_ps::<1>(word));
+                    _mm_storeu_ps(to[8 * half + j].as_mut_ptr(), _mm256_castps256_ps128(word));
+                    _mm_storeu_ps(to[8 * half + 4 + j].as_mut_ptr(), _mm256_extractf128_ps::<1>(word));
                 }
             }
         }
-        rows
     }
 }
 

@@ -300,19 +300,17 @@ impl Floats16 for F16 {
     }
 
     #[inline(always)]
-    fn rows(columns: [Self; 4]) -> [[f32; 4]; LANES] {
+    fn store_rows(columns: [Self; 4], to: &mut [[f32; 4]; LANES]) {
         let [a, b, c, d] = columns;
         let words = transposed([a.0, b.0, c.0, d.0]);
-        let mut rows = [[0.0; 4]; LANES];
         for (j, word) in words.into_iter().enumerate() {
             avx512! {
-                _mm_storeu_ps(rows[j].as_mut_ptr(), _mm512_castps512_ps128(word));
-                _mm_storeu_ps(rows[4 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<1>(word));
-                _mm_storeu_ps(rows[8 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<2>(word));
-                _mm_storeu_ps(rows[12 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<3>(word));
+                _mm_storeu_ps(to[j].as_mut_ptr(), _mm512_castps512_ps128(word));
+                _mm_storeu_ps(to[4 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<1>(word));
+                _mm_storeu_ps(to[8 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<2>(word));
+                _mm_storeu_ps(to[12 + j].as_mut_ptr(), _mm512_extractf32x4_ps::<3>(word));
             }
         }
-        rows
     }
 }
 

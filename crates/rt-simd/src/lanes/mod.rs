@@ -131,8 +131,8 @@ pub(crate) trait Floats16: Floats<Set = u16> {
     fn groups_cab(self) -> Self;
     /// Groups of four lanes, in the order 1, 2, 0, 3.
     fn groups_bca(self) -> Self;
-    /// The rows of a table of four columns. Bits are only moved, whatever they mean.
-    fn rows(columns: [Self; 4]) -> [[f32; 4]; LANES];
+    /// Writes the rows of a table of four columns. Bits are only moved, whatever they mean.
+    fn store_rows(columns: [Self; 4], to: &mut [[f32; 4]; LANES]);
 }
 
 pub(crate) trait Floats8: Floats<Set = u8> {

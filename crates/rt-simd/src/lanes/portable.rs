@@ -197,8 +197,8 @@ impl Floats16 for F16 {
     }
 
     #[inline(always)]
-    fn rows(columns: [Self; 4]) -> [[f32; 4]; LANES] {
-        from_fn(|row| from_fn(|column| columns[column].0[row]))
+    fn store_rows(columns: [Self; 4], to: &mut [[f32; 4]; LANES]) {
+        *to = from_fn(|row| from_fn(|column| columns[column].0[row]));
     }
 }
 

@@ -181,7 +181,8 @@ fn columns_and_rows<L: Level>(level: L, seed: u32) {
         assert_eq!(bits(&to.0), core::array::from_fn(|row| word(row, column).to_bits()));
     }
     let [a, b, c, d, ..] = columns;
-    let rows = L::F16::rows([a, b, c, d]);
+    let mut rows = [[0.0; 4]; LANES];
+    L::F16::store_rows([a, b, c, d], &mut rows);
     for (row, numbers) in rows.into_iter().enumerate() {
         assert_eq!(numbers.map(f32::to_bits), core::array::from_fn(|column| word(row, column).to_bits()), "{row}");
     }

@@ -2,14 +2,13 @@
 
 use super::{built, judge_nearest};
 use crate::report::Row;
-use crate::suite::{Exam, Extent, Stopped};
+use crate::suite::{Exam, Stopped};
 use crate::tally::Tally;
 use crate::trial::{OWN_TREES, Trial};
 use crate::{Promise, shapes, tree};
 use glam::Vec3;
-use rt_bvh::Builder;
+use rt_bvh::{Builder, Built, MOST_STEPS};
 use rt_core::{MAX_DEPTH, Query, Triangle};
-use std::time::Instant;
 
 pub(super) const NAME: &str = "trees";
 
@@ -20,9 +19,6 @@ const LINKS: u32 = 2_000;
 /// Powers of ten from the smallest to the largest link. A scene is scaled so that its largest coordinate is about 1;
 /// what is then below 10⁻³⁸ is subnormal and loses digits, so 30 leave some room.
 const DECADES: f32 = 30.0;
-
-/// How much longer than a soup of the same size a bad mesh may take to build.
-const SLOWER: f64 = 3.0;
 
 /// `count` triangles around one point, each a few percent larger than the one before: greedy clustering joins them one
 /// by one.
@@ -57,86 +53,58 @@ fn meshes() -> [(&'static str, Vec<Triangle>); 4] {
 
 pub(super) fn run(trial: &Trial<'_>, rows: &mut Vec<Row>) -> Result<(), Stopped> {
     let meshes = meshes();
-    rows.push(depths(trial, &meshes)?);
-    for (i, (name, triangles)) in meshes.into_iter().enumerate() {
-        trial.advance(0.5 + 0.4 * i as f64 / 4.0)?;
+    rows.extend(builds(trial, &meshes)?);
+    for (i, (name, triangles)) in meshes.iter().enumerate() {
+        trial.advance(0.5 + 0.5 * i as f64 / meshes.len() as f64)?;
         rows.push(judged(trial, name, triangles));
     }
     for (name, count) in [("no triangle", 0), ("one triangle", 1), ("two triangles", 2)] {
         let triangles = shapes::soup(count, 1.0, trial.options().seed);
-        rows.push(judged(trial, name, triangles));
+        rows.push(judged(trial, name, &triangles));
     }
-    trial.advance(0.9)?;
-    rows.push(build_times(trial));
     Ok(())
 }
 
-/// A line about the trees of every builder.
-fn depths(trial: &Trial<'_>, meshes: &[(&str, Vec<Triangle>)]) -> Result<Row, Stopped> {
+/// Lines about the trees of every builder: how deep they are, and what they took.
+fn builds(trial: &Trial<'_>, meshes: &[(&str, Vec<Triangle>)]) -> Result<[Row; 2], Stopped> {
     let mut depth = Tally::new(NAME, "depth, every builder", Promise::AnyMesh);
+    let mut steps = Tally::new(NAME, "build steps, every builder", Promise::AnyMesh);
     if !trial.walks_our_trees {
         depth.note(OWN_TREES);
-        return Ok(depth.row());
+        steps.note(OWN_TREES);
+        return Ok([depth.row(), steps.row()]);
     }
-    let mut deepest = 0;
+    let (mut deepest, mut most) = (0, 0.0_f64);
     for (i, (name, triangles)) in meshes.iter().enumerate() {
+        let count = triangles.len() as f64;
         for &builder in Builder::ALL {
             trial.advance(0.5 * i as f64 / meshes.len() as f64)?;
-            let Some(scene) = built(tree::build(triangles, builder), &mut depth) else { continue };
+            let Some(Built { scene, report }) = built(tree::built(triangles, builder), &mut depth) else { continue };
             deepest = scene.depth().max(deepest);
             depth.check(scene.depth() <= MAX_DEPTH, || format!("{name}, {builder}: depth {}", scene.depth()));
+            let took = report.steps as f64 / (count * count.log2());
+            most = most.max(took);
+            steps.check(took <= MOST_STEPS, || format!("{name}, {builder}: {took:.1} n log₂ n for n triangles"));
         }
     }
     depth.note(format!("deepest {deepest}, room for {MAX_DEPTH}"));
-    Ok(depth.row())
+    steps.note(format!("at most {most:.1} n log₂ n for n triangles"));
+    Ok([depth.row(), steps.row()])
 }
 
 /// A line about the hits on one mesh.
-fn judged(trial: &Trial<'_>, name: &'static str, triangles: Vec<Triangle>) -> Row {
+fn judged(trial: &Trial<'_>, name: &'static str, triangles: &[Triangle]) -> Row {
     let options = trial.options();
     let mut tally = Tally::new(NAME, name, Promise::AnyMesh);
     // Nearly every ray meets nearly every triangle, and the reference decides each meeting exactly: half a million of
     // them a second.
     let rays = (600_000 / (triangles.len() as u32 + 1)).clamp(6, options.sample());
-    if let Some(exam) = built(Exam::new(name.to_owned(), triangles, rays, options), &mut tally) {
+    if let Some(exam) = built(Exam::new(name.to_owned(), triangles.to_vec(), rays, options), &mut tally) {
         judge_nearest(trial, &exam, &mut tally);
         match trial.trace(&exam.scene, &[], Query::Closest) {
             Ok(hits) => tally.check(hits.is_empty(), || "hits of no rays".to_owned()),
             Err(refusal) => tally.refuse(&refusal, 1),
         }
     }
-    tally.row()
-}
-
-/// Seconds of building a bad mesh over those of a soup of the same size; on a machine that does nothing else.
-fn build_times(trial: &Trial<'_>) -> Row {
-    let mut tally = Tally::new(NAME, "build time, 3 × a soup's", Promise::AnyMesh);
-    if !trial.walks_our_trees {
-        tally.note(OWN_TREES);
-        return tally.row();
-    }
-    if trial.options().extent != Extent::Full {
-        tally.note("timed on a machine that does nothing else: with --full");
-        return tally.row();
-    }
-    let mut worst: f64 = 0.0;
-    for (name, triangles) in meshes().into_iter().take(2) {
-        let soup = shapes::soup(triangles.len() as u32, 0.02, trial.options().seed);
-        for &builder in Builder::ALL {
-            let seconds = |triangles: &[Triangle]| {
-                let times = [0; 3].map(|_| {
-                    let begin = Instant::now();
-                    drop(tree::build(triangles, builder));
-                    begin.elapsed().as_secs_f64()
-                });
-                // The least is what the rest of the machine disturbed least.
-                times.into_iter().fold(f64::INFINITY, f64::min)
-            };
-            let ratio = seconds(&triangles) / seconds(&soup);
-            worst = worst.max(ratio);
-            tally.check(ratio <= SLOWER, || format!("{name}, {builder}: {ratio:.2} times a soup's"));
-        }
-    }
-    tally.note(format!("at most {worst:.2} times"));
     tally.row()
 }
