@@ -1,5 +1,5 @@
-//! Times the trace of a file of rays in Rust, for `side_by_side.py`: `same_in_rust SCENE RAYS.npy DEVICES COHERENT` waits
-//! for lines on standard input and answers each with the seconds of one trace, in the caller's own buffers.
+//! Times the trace of a file of rays in Rust, for `side_by_side.py`: `same_in_rust SCENE RAYS.npy DEVICES COHERENT`
+//! waits for lines on standard input and answers each with the seconds of one trace, in the caller's own buffers.
 #![forbid(unsafe_code)]
 
 use rt_balance::devices::Opener;

@@ -1,4 +1,5 @@
-//! The Python package: its wheel is built, installed into a virtual environment and tested there, away from its sources.
+//! The Python package: its wheel is built, installed into a virtual environment and tested there, away from its
+//! sources.
 
 use crate::command::{cargo, root, run, succeeds};
 use crate::deny;

@@ -120,8 +120,8 @@ impl Balancer {
         self.trace_shared(rays.into(), hits)
     }
 
-    /// [`Balancer::trace_rays`] without a copy of the rays (graphics cards get theirs in any case). They are shared, not
-    /// borrowed, since devices that were given up may still read them when this returns.
+    /// [`Balancer::trace_rays`] without a copy of the rays (graphics cards get theirs in any case). They are shared,
+    /// not borrowed, since devices that were given up may still read them when this returns.
     ///
     /// # Errors
     /// As for [`Balancer::trace`].
