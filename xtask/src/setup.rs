@@ -3,7 +3,7 @@
 use crate::command::{cargo, say, succeeds};
 use crate::deny::{self, Availability};
 use crate::workspace::Packages;
-use crate::{apt, embree, registered, vulkan};
+use crate::{apt, embree, python, registered, vulkan};
 use anyhow::{Context, Result, bail};
 use real_scenes::Folders;
 use std::path::PathBuf;
@@ -137,6 +137,17 @@ const PARTS: &[Part] = &[
             })
         },
         install: |_| or_left_out(deny::install()),
+    },
+    Part {
+        name: "Python",
+        state: |_| {
+            Ok(if python::SUPPORTED {
+                present(python::is_set_up())
+            } else {
+                State::NotNeeded("only for Linux on x86-64")
+            })
+        },
+        install: |_| or_left_out(python::install()),
     },
 ];
 

@@ -4,7 +4,7 @@ use crate::command::{cargo, run, say};
 use crate::deny::{self, Availability};
 use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{embree, no_std, unsafe_code, vulkan};
+use crate::{embree, no_std, python, unsafe_code, vulkan};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -117,6 +117,12 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     // The examples on the facade alone, and the suite on the backend among them.
     let outside = "--manifest-path tools/outsider/Cargo.toml --target-dir target";
     steps.push(command("a crate of somebody else's", cargo(&format!("test {outside}"))));
+    let python = match python::is_set_up() {
+        true => Check::Function(python::test),
+        false if python::SUPPORTED => Check::Impossible("its environment was left out"),
+        false => Check::Impossible("only for Linux on x86-64"),
+    };
+    steps.push(Step { name: "Python package".to_owned(), check: python });
     // Documentation tests are among these: cargo runs them after a library's own.
     let mut tests = cargo("test --workspace");
     match &setup.scenes {

@@ -10,9 +10,9 @@ use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_core::bounce::Surfaces;
-use rt_core::{Device, Scene, StreamKind};
+use rt_core::{Device, StreamKind};
 use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
-use rt_report::chart::cost::CostMap;
+use rt_report::chart::cost::{self, CostMap};
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
 use rt_report::{Provenance, image};
@@ -96,7 +96,6 @@ fn alone(args: &RenderArgs) -> Result<()> {
         size: args.size,
         samples: args.spp,
         picture: &args.out.join(picture_name(0, args)),
-        estimated: scaled_estimate,
     };
     rendered.write(&args.out.join("report.html"))?;
     if args.json {
@@ -132,7 +131,7 @@ impl Stage {
         let begin = Instant::now();
         let balancer = Balancer::open(Arc::clone(&scene), &devices, limits, interrupt::control())?;
         let setup = begin.elapsed().as_secs_f64();
-        let described = scene_report(&prepared, &scene);
+        let described = SceneReport::of(&prepared);
         let Prepared { model, precision, load_s, build_s, .. } = prepared;
         let seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
         let extent = model.bounds().extent().length();
@@ -241,7 +240,7 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
 /// Adds the primary rays of a wave to the first frame's map.
 fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
     for run in runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0) {
-        map.add_wave(&wave.pixels, &run.tasks, &scaled_estimate(run), &run.measured_s);
+        map.add_wave(&wave.pixels, &run.tasks, &cost::scaled_estimate(run), &run.measured_s);
     }
 }
 
@@ -251,35 +250,9 @@ fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenan
     Ok(costs.write_png(&args.out.join("cost.png"))?)
 }
 
-/// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
-/// its first launches its prices come from sparse samples, which are more expensive than what follows.
-fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
-    let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
-    let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));
-    let scale = if predicted > 0.0 && measured > 0.0 { measured / predicted } else { 1.0 };
-    run.predicted_s.iter().map(|seconds| seconds * scale).collect()
-}
-
 /// What devices call themselves.
 pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
-}
-
-pub(crate) fn scene_report(prepared: &Prepared, scene: &Scene) -> SceneReport {
-    let build = &prepared.built.report;
-    SceneReport {
-        source: prepared.model.source.clone(),
-        offset: prepared.model.offset.to_array(),
-        triangles: prepared.model.indices.len(),
-        degenerate: build.dropped_degenerate as usize,
-        invalid: build.dropped_invalid as usize,
-        builder: build.builder.to_string(),
-        fallback: build.fallback.map(|reason| reason.to_string()),
-        build_threads: build.threads,
-        precision: prepared.precision.name(),
-        bvh_bytes: scene.bytes(),
-        plan: prepared.plan.clone(),
-    }
 }
 
 /// What is traced, for people.

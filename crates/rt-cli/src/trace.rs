@@ -5,7 +5,7 @@ use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
 use crate::ranks::trace::RayRanges;
 use crate::ranks::{self, Ranks};
-use crate::report::{Report, SCHEMA, Seconds};
+use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
@@ -110,7 +110,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         let report = Report {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
-            scene: render::scene_report(&prepared, &scene),
+            scene: SceneReport::of(&prepared),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
             streams: runs.into_iter().map(|run| run.report).collect(),

@@ -151,7 +151,7 @@ impl Renderer<'_> {
         let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
             .with_task_size(self.cut.size(rays));
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
-        let control = Control { cancel: Some(self.cancel), progress: Some(*show) };
+        let control = Control { cancel: Some(self.cancel), progress: Some(*show), ..Control::default() };
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
         show(rays.into(), rays.into());
         let mut run = traced?;
