@@ -35,8 +35,8 @@ impl Packages {
         public.filter_map(|package| package["name"].as_str())
     }
 
-    /// Every feature of every package, as cargo's `--features` takes them, but for those of a name: what `--all-features`
-    /// is where that one cannot be built.
+    /// Every feature of every package, as cargo's `--features` takes them, but for those of a name: what
+    /// `--all-features` is where that one cannot be built.
     pub(crate) fn features_without(&self, left_out: &str) -> String {
         let of = |package: &Value| {
             let name = package["name"].as_str().unwrap_or_default().to_owned();

@@ -2,8 +2,8 @@
 //! [`Film`].
 //!
 //! A [`Renderer`] knows what stays the same over all frames, a [`Session`] the devices that trace. A part of a picture
-//! ([`rt_scene::streams::Wave`]) is rendered to the sums of its own pixels, so that it does not matter which process did
-//! it: [`tiles`] deals the parts to several.
+//! ([`rt_scene::streams::Wave`]) is rendered to the sums of its own pixels, so that it does not matter which process
+//! did it: [`tiles`] deals the parts to several.
 #![forbid(unsafe_code)]
 
 mod error;
