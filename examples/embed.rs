@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let progress = |done: u64, all: u64| {
         let _ = write!(stderr(), "\r{:3}%", done * 100 / all);
     };
-    let control = Control { cancel: Some(&stop), progress: Some(&progress) };
+    let control = Control { cancel: Some(&stop), progress: Some(&progress), ..Control::default() };
     let source = RaySource::Explicit { rays, origins: None };
     let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
     let run = balancer.trace(&stream, &mut Scheduling::default(), &mut hits, None, control)?;

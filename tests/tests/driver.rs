@@ -251,7 +251,7 @@ fn cancelling_stops_early_and_leaves_whole_tasks() {
             most.fetch_max(done, Ordering::Relaxed);
             cancel.store(true, Ordering::Relaxed);
         };
-        let control = Control { cancel: Some(&cancel), progress: Some(&progress) };
+        let control = Control { cancel: Some(&cancel), progress: Some(&progress), ..Control::default() };
         let mut balancer = Balancer::new(Arc::clone(scene), &[honest(), honest()]).expect("a balancer");
         let mut found = vec![UNTOUCHED; hits.len()];
         let mut scheduling = scheduling(queue, Box::new(Uniform));

@@ -56,12 +56,18 @@ pub(crate) fn install() -> Result<String> {
 
 /// Checks bans, licences and sources of every dependency in the lock file.
 pub(crate) fn check() -> Result<()> {
+    check_workspace("Cargo.toml")
+}
+
+/// The same of the workspace of this manifest.
+pub(crate) fn check_workspace(manifest: &str) -> Result<()> {
     let mut deny = match program() {
         Some(program) => Command::new(program),
         None => cargo("deny"),
     };
     // Two versions of one crate are a warning that fills screens.
-    deny.args(["--log-level", "error", "check", "bans", "licenses", "sources"]);
+    deny.args(["--log-level", "error", "--manifest-path", manifest, "--config", "deny.toml"]);
+    deny.args(["check", "bans", "licenses", "sources"]);
     run(deny.current_dir(root()))
 }
 

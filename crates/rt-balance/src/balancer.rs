@@ -2,7 +2,7 @@
 
 use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
 use crate::device_thread::Call;
-use crate::estimate::{Estimated, estimate};
+use crate::estimate::{Estimate, Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
 use crate::models::{Key, regime};
 use crate::output::Output;
@@ -37,6 +37,8 @@ pub struct Balancer {
     scene: Arc<Scene>,
     members: Vec<DeviceState>,
     origin: Duration,
+    /// Of [`Balancer::trace_rays`].
+    scheduling: Scheduling,
 }
 
 impl Balancer {
@@ -63,7 +65,8 @@ impl Balancer {
         if devices.is_empty() {
             return Err(BalanceError::NoDevices);
         }
-        let mut balancer = Self { scene, members: Vec::with_capacity(devices.len()), origin: clock::now() };
+        let (members, scheduling) = (Vec::with_capacity(devices.len()), Scheduling::default());
+        let mut balancer = Self { scene, members, origin: clock::now(), scheduling };
         for (index, device) in devices.iter().enumerate() {
             let member = DeviceState::open(index, device, &balancer.scene);
             balancer
@@ -108,14 +111,65 @@ impl Balancer {
         self.members.iter().map(|member| &member.info)
     }
 
-    /// Traces the caller's rays with the default scheduling: `hits[i]` is the nearest hit of `rays[i]`.
+    /// Traces the caller's rays as [`Balancer::scheduling`] says: `hits[i]` is the nearest hit of `rays[i]`. What its
+    /// estimator learns serves later calls.
     ///
     /// # Errors
     /// As for [`Balancer::trace`].
     pub fn trace_rays(&mut self, rays: &[Ray], hits: &mut [Hit]) -> Result<StreamRun, BalanceError> {
-        let source = RaySource::Explicit { rays: rays.into(), origins: None };
+        self.trace_shared(rays.into(), hits)
+    }
+
+    /// [`Balancer::trace_rays`] without a copy of the rays (graphics cards get theirs in any case). They are shared,
+    /// not borrowed, since devices that were given up may still read them when this returns.
+    ///
+    /// # Errors
+    /// As for [`Balancer::trace`].
+    pub fn trace_shared(&mut self, rays: Arc<[Ray]>, hits: &mut [Hit]) -> Result<StreamRun, BalanceError> {
+        let source = RaySource::Explicit { rays, origins: None };
         let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default()).with_tasks_for(self.members.len());
-        self.trace(&stream, &mut Scheduling::default(), hits, None, Control::default())
+        let mut scheduling = std::mem::take(&mut self.scheduling);
+        let run = self.trace(&stream, &mut scheduling, hits, None, Control::default());
+        self.scheduling = scheduling;
+        run
+    }
+
+    /// How [`Balancer::trace_rays`] schedules; the default at first.
+    pub const fn scheduling(&mut self) -> &mut Scheduling {
+        &mut self.scheduling
+    }
+
+    /// Estimates what a stream's tasks will cost, and traces none of them: for a scheduler of the caller's own.
+    ///
+    /// The estimator learns nothing from it; the balancer learns what the walks of sampled rays took.
+    ///
+    /// # Errors
+    /// As for [`Balancer::trace`].
+    ///
+    /// # Panics
+    /// Where the caller's own estimator does, as [`Balancer::trace`].
+    pub fn estimate(
+        &mut self,
+        stream: &Stream,
+        scheduling: &mut Scheduling,
+        control: Control<'_>,
+    ) -> Result<Estimate, BalanceError> {
+        stream.check()?;
+        scheduling.check()?;
+        // Hits of sampled rays have no place to go.
+        let mut output = Output { hits: &mut [], counts: None };
+        self.guarded(scheduling.limits, control, |balancer| {
+            let Begun { estimated, .. } = balancer.begin(stream, scheduling, &mut output, control)?;
+            let plan = plan_of(&balancer.members, stream, scheduling, &estimated)?;
+            let seconds = |worker| (0..).take(stream.tasks.len()).map(|task| plan.seconds(worker, task)).collect();
+            let mut predicted_s = vec![None; balancer.members.len()];
+            for (worker, &member) in plan.workers.iter().enumerate() {
+                predicted_s[member] = Some(seconds(worker));
+            }
+            let rays = f64::from(stream.source.len().max(1));
+            let (fraction, seconds) = (estimated.walked as f64 / rays, estimated.seconds);
+            Ok(Estimate { work: estimated.work, predicted_s, fraction, seconds })
+        })
     }
 
     /// Estimates, schedules and traces one stream.
@@ -146,23 +200,35 @@ impl Balancer {
         }
         stream.check()?;
         scheduling.check()?;
-        let _environment = rt_fenv::Environment::enter();
         let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
-        let limits = scheduling.limits;
+        self.guarded(scheduling.limits, control, |balancer| {
+            balancer.trace_into(stream, scheduling, &mut output, control)
+        })
+    }
+
+    /// Does what needs devices, again as long as some that were late come back; a panic is passed on when they are at
+    /// rest.
+    fn guarded<T>(
+        &mut self,
+        limits: Limits,
+        control: Control<'_>,
+        mut work: impl FnMut(&mut Self) -> Result<T, BalanceError>,
+    ) -> Result<T, BalanceError> {
+        let _environment = rt_fenv::Environment::enter();
         // Nothing of this is left half done by a panic but what devices are at.
-        let traced = catch_unwind(AssertUnwindSafe(|| {
+        let done = catch_unwind(AssertUnwindSafe(|| {
             loop {
-                match self.trace_into(stream, scheduling, &mut output, control) {
+                match work(self) {
                     // All that began have failed, but some were late. Each time round at least one device fewer is
                     // alive.
                     Err(BalanceError::AllDevicesLost { .. }) if self.members.iter().any(DeviceState::may_come) => {}
-                    traced => return traced,
+                    done => return done,
                 }
             }
         }));
-        traced.unwrap_or_else(|panic| {
+        done.unwrap_or_else(|panic| {
             // The panic is what the caller wants to know.
-            let _ = settle(&mut self.members, &limits, Control { progress: None, ..control });
+            let _ = settle(&mut self.members, &limits, Control { progress: None, finished: None, ..control });
             resume_unwind(panic)
         })
     }
@@ -174,6 +240,32 @@ impl Balancer {
         output: &mut Output<'_>,
         control: Control<'_>,
     ) -> Result<StreamRun, BalanceError> {
+        let Begun { estimated, key, setup, begin, loaded } = self.begin(stream, scheduling, output, control)?;
+        let limits = scheduling.limits;
+        let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
+        let planned = clock::now();
+        let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
+        let end = clock::now();
+
+        teach(
+            &mut *scheduling.estimator,
+            stream.view(plan.workers.len(), estimated.uninformed_excess, estimated.moves),
+            &estimated,
+            &ran,
+        );
+        learn_launches(&mut self.members, key, &plan, &ran);
+        let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
+        Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
+    }
+
+    /// Gives the rays to the devices, and estimates what they will cost.
+    fn begin(
+        &mut self,
+        stream: &Stream,
+        scheduling: &mut Scheduling,
+        output: &mut Output<'_>,
+        control: Control<'_>,
+    ) -> Result<Begun, BalanceError> {
         let (limits, tasks) = (scheduling.limits, stream.tasks.len());
         let setup = clock::now();
         self.members.iter_mut().for_each(DeviceState::begin);
@@ -191,20 +283,7 @@ impl Balancer {
         let estimated = estimated.map_err(untouched)?;
         let key = Key::of(&*scheduling.estimator, stream);
         learn_walks(&mut self.members, key, &estimated);
-        let plan = plan_of(&self.members, stream, scheduling, &estimated)?;
-        let planned = clock::now();
-        let ran = run(&mut self.members, stream, &plan, &estimated.finders, output, &limits, control)?;
-        let end = clock::now();
-
-        teach(
-            &mut *scheduling.estimator,
-            stream.view(plan.workers.len(), estimated.uninformed_excess, estimated.moves),
-            &estimated,
-            &ran,
-        );
-        learn_launches(&mut self.members, key, &plan, &ran);
-        let times = Times { origin: self.origin, setup, begin, loaded, planned, end };
-        Ok(measure(&self.members, stream, scheduling, &estimated, &plan, &ran, times))
+        Ok(Begun { estimated, key, setup, begin, loaded })
     }
 
     /// Has every device that is ready, or is so in time, do beforehand what a stream like this needs once.
@@ -263,6 +342,16 @@ impl Balancer {
     pub(crate) fn members(&mut self) -> &mut [DeviceState] {
         &mut self.members
     }
+}
+
+/// A stream that is with the devices, its cost estimated.
+struct Begun {
+    estimated: Estimated,
+    key: Key,
+    /// On the clock: before what streams like this need once, before the rays went to the devices, and after.
+    setup: Duration,
+    begin: Duration,
+    loaded: Duration,
 }
 
 impl Drop for Balancer {

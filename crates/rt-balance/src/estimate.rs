@@ -10,6 +10,20 @@ use rt_core::{CostEstimator, Observation, RayMask, Step, Walk, Work};
 use std::ops::Range;
 use std::sync::Arc;
 
+/// What the tasks of a stream are expected to cost.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Estimate {
+    /// Expected work of each task.
+    pub work: Vec<Work>,
+    /// For each device, in the order they were given: predicted seconds of each task there, without the launch and
+    /// without rays that were walked for the estimate. `None` for a device that does not take part.
+    pub predicted_s: Vec<Option<Vec<f64>>>,
+    /// Share of the rays that was walked, without a unit.
+    pub fraction: f64,
+    /// Wall seconds that it took.
+    pub seconds: f64,
+}
+
 /// What the estimation phase found.
 #[derive(Debug)]
 pub(crate) struct Estimated {

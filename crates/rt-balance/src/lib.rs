@@ -34,7 +34,6 @@
 mod answers;
 mod balancer;
 pub mod catalogue;
-mod clock;
 mod contain;
 mod device_state;
 mod device_thread;
@@ -59,12 +58,14 @@ mod walk;
 
 pub use answers::Audit;
 pub use balancer::Balancer;
-pub use clock::now as clock;
 pub use error::BalanceError;
+pub use estimate::Estimate;
 pub use limits::Limits;
 pub use reference::Reference;
+use rt_core::clock;
+pub use rt_core::clock::now as clock;
 pub use rt_sched::queue::QueueKind;
-pub use stream::{Control, DEFAULT_TASK_SIZE, Scheduling, Stream};
+pub use stream::{Control, DEFAULT_TASK_SIZE, Finished, Scheduling, Stream};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]

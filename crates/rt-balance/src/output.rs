@@ -1,5 +1,6 @@
 //! The caller's slices.
 
+use crate::Finished;
 use rt_core::{Hit, Launch, RayMask, Task, TestCounts};
 
 /// Where hits and counts go.
@@ -16,6 +17,12 @@ impl Output<'_> {
         let ray = ray as usize;
         self.hits.get_mut(ray).into_iter().for_each(|out| *out = hit);
         self.counts.as_mut().and_then(|counts| counts.get_mut(ray)).into_iter().for_each(|out| *out = count);
+    }
+
+    /// What is there for a task.
+    pub(crate) fn of(&self, task: Task) -> Finished<'_> {
+        let range = task.first as usize..(task.first + task.rays) as usize;
+        Finished { task, hits: &self.hits[range.clone()], counts: self.counts.as_ref().map(|counts| &counts[range]) }
     }
 
     /// Writes a task's results, which begin at `from` in its launch; what is in `kept` is known already.

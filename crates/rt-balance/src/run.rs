@@ -415,6 +415,9 @@ impl Run<'_> {
             let task = self.stream.tasks[outcome.task as usize];
             if self.by[outcome.task as usize].is_none() {
                 output.write(task, launch, from, kept.as_deref());
+                if let Some(finished) = self.control.finished {
+                    finished(output.of(task));
+                }
                 self.by[outcome.task as usize] = Some(member);
                 self.open -= 1;
                 rays += task.rays;

@@ -1,7 +1,7 @@
 //! What is traced, and how it is scheduled.
 
 use crate::{Audit, BalanceError, Limits};
-use rt_core::{CostEstimator, RaySource, RayStream, StreamKind, StreamSpec, Task, tasks_of};
+use rt_core::{CostEstimator, Hit, RaySource, RayStream, StreamKind, StreamSpec, Task, TestCounts, tasks_of};
 use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::{Needs, QueueKind, QueueMaker};
@@ -174,6 +174,21 @@ pub struct Control<'a> {
     /// nothing else meanwhile: it should be short. Rays done become fewer where a device is not believed any more. A
     /// panic in it stops the stream and is passed on when the devices are at rest; they are as good as before.
     pub progress: Option<&'a dyn Fn(u64, u64)>,
+    /// Called with each task's results once they are in the output, by the thread that traces: a viewer can show them
+    /// while others are traced. A task comes again where the device that traced it is not believed any more; what it
+    /// was told last is right. Panics are as in `progress`.
+    pub finished: Option<&'a dyn Fn(Finished<'_>)>,
+}
+
+/// A task whose results are there.
+#[derive(Clone, Copy, Debug)]
+pub struct Finished<'a> {
+    /// The rays: a range of the stream.
+    pub task: Task,
+    /// Their hits, in order.
+    pub hits: &'a [Hit],
+    /// Their counts, if there is room for them and the stream counts.
+    pub counts: Option<&'a [TestCounts]>,
 }
 
 impl Control<'_> {
@@ -190,7 +205,11 @@ impl Control<'_> {
 
 impl std::fmt::Debug for Control<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Control").field("cancel", &self.cancel).field("progress", &self.progress.is_some()).finish()
+        f.debug_struct("Control")
+            .field("cancel", &self.cancel)
+            .field("progress", &self.progress.is_some())
+            .field("finished", &self.finished.is_some())
+            .finish()
     }
 }
 

@@ -30,7 +30,7 @@ pub(crate) fn watch() {
 
 /// What stops a run.
 pub(crate) fn control() -> Control<'static> {
-    Control { cancel: Some(flag()), progress: None }
+    Control { cancel: Some(flag()), ..Control::default() }
 }
 
 /// The flag that a run looks at.

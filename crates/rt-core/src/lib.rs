@@ -8,15 +8,20 @@
 //! two-sided; a hit point is `(1 − u − v)·A + u·B + v·C`; primitive ids are positions in the caller's index buffer
 //! and keep their numbers when degenerate triangles are left out; angles are radians unless the name says degrees.
 //!
-//! The crate is `no_std` with `alloc`, holds no algorithm of building, scheduling or tracing, and knows no device.
+//! The crate is `no_std` with `alloc` (the feature `std` adds a clock), holds no algorithm of building, scheduling or
+//! tracing, and knows no device.
 #![no_std]
 #![forbid(unsafe_code)]
 
 extern crate alloc;
+#[cfg(feature = "std")]
+extern crate std;
 
 pub mod arguments;
 pub mod bounce;
 mod camera;
+#[cfg(feature = "std")]
+pub mod clock;
 mod cost;
 mod device;
 mod expansion;

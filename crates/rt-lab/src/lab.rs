@@ -63,8 +63,8 @@ impl<'a> Lab<'a> {
     }
 
     /// What stops a stream.
-    pub(crate) const fn control(&self) -> Control<'a> {
-        Control { cancel: Some(self.stop), progress: None }
+    pub(crate) fn control(&self) -> Control<'a> {
+        Control { cancel: Some(self.stop), ..Control::default() }
     }
 
     /// An error once the experiment is to stop.

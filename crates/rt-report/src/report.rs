@@ -2,6 +2,8 @@
 
 use crate::Provenance;
 use rt_balance::report::StreamReport;
+use rt_cluster::ClusterReport;
+use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
 use serde::Serialize;
 
@@ -21,6 +23,9 @@ pub struct Report {
     pub policy: Option<&'static str>,
     /// One for each stream, in the order in which they were traced.
     pub streams: Vec<StreamReport>,
+    /// What was dealt to which process, one entry for each frame; empty where there was one process alone. `streams`
+    /// are those of rank 0 then.
+    pub cluster: Vec<ClusterReport>,
     /// Where the time went.
     pub seconds: Seconds,
     /// Where it comes from.
@@ -28,7 +33,7 @@ pub struct Report {
 }
 
 /// The scene and how it is traced.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct SceneReport {
     /// Its file, or the name of a built-in scene.
     pub source: String,
@@ -52,6 +57,27 @@ pub struct SceneReport {
     pub bvh_bytes: u64,
     /// What the scan of the scene found and proposes.
     pub plan: Plan,
+}
+
+impl SceneReport {
+    /// What is known of a scene that is ready to be traced.
+    #[must_use]
+    pub fn of(prepared: &Prepared) -> Self {
+        let build = &prepared.built.report;
+        Self {
+            source: prepared.model.source.clone(),
+            offset: prepared.model.offset.to_array(),
+            triangles: prepared.model.indices.len(),
+            degenerate: build.dropped_degenerate as usize,
+            invalid: build.dropped_invalid as usize,
+            builder: build.builder.to_string(),
+            fallback: build.fallback.map(|reason| reason.to_string()),
+            build_threads: build.threads,
+            precision: prepared.precision.name(),
+            bvh_bytes: prepared.built.scene.bytes(),
+            plan: prepared.plan.clone(),
+        }
+    }
 }
 
 /// Wall seconds of the whole run, by what was done.

@@ -12,6 +12,7 @@ mod memory;
 mod model;
 pub mod npy;
 pub mod obj;
+mod offset;
 pub mod prepare;
 pub mod progress;
 pub mod scan;

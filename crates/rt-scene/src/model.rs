@@ -1,6 +1,9 @@
 //! A model: triangles with flat colours and, for built-in scenes, a camera.
 
+use crate::memory::{self, NoMemory};
+use crate::offset::Offset;
 use glam::{DVec3, Vec3};
+use rt_bvh::BuildError;
 use rt_core::{Aabb, Camera, CameraError, Triangle};
 
 /// Triangles as loaded or generated, in file order: the primitive id of a hit is an index into [`Model::indices`].
@@ -70,6 +73,19 @@ fn colour(palette: &[Vec3], colour_of: &[u16], primitive: u32) -> Vec3 {
 pub(crate) const UNCOLOURED: Vec3 = Vec3::new(0.62, 0.58, 0.53);
 
 impl Model {
+    /// A model of the caller's triangles in double precision. As for a file's, an offset is subtracted where single
+    /// precision would move vertices noticeably ([`Model::offset`]).
+    ///
+    /// # Errors
+    /// When the system refuses the memory for the vertices.
+    pub fn placed(source: impl Into<String>, vertices: &[DVec3], indices: Vec<[u32; 3]>) -> Result<Self, BuildError> {
+        let refused = |NoMemory { bytes }| BuildError::OutOfMemory { what: "the vertices", bytes };
+        let Offset { offset, .. } = Offset::of(vertices).map_err(refused)?;
+        let mut positions = memory::list(vertices.len()).map_err(refused)?;
+        positions.extend(vertices.iter().map(|&vertex| (vertex - offset).as_vec3()));
+        Ok(Self { source: source.into(), positions, indices, palette: vec![UNCOLOURED], offset, ..Self::default() })
+    }
+
     /// Triangle `primitive`, or `None` beyond the last.
     #[inline]
     #[must_use]
@@ -101,5 +117,24 @@ impl Model {
     #[must_use]
     pub fn bounds(&self) -> Aabb {
         self.positions.iter().filter(|p| p.is_finite()).fold(Aabb::EMPTY, |b, &p| b.with_point(p))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mutants: the offset subtracted after rounding; one where coordinates are small.
+    #[test]
+    fn triangles_far_from_the_origin_keep_their_digits() {
+        let corners = [DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1];
+        let near = Model::placed("near", &corners, vec![[0, 1, 2]]).unwrap();
+        assert_eq!(near.offset, DVec3::ZERO);
+        let moved = corners.map(|corner| corner + DVec3::new(3.0e6, 0.0, 0.0));
+        let far = Model::placed("far", &moved, vec![[0, 1, 2]]).unwrap();
+        assert!(far.offset.x != 0.0 && far.offset.y == 0.0);
+        for (position, corner) in far.positions.iter().zip(moved) {
+            assert!((position.as_dvec3() + far.offset - corner).length() < 1e-8, "{position} of {corner}");
+        }
     }
 }

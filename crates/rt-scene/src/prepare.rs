@@ -106,7 +106,30 @@ impl Prepared {
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
 pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
-    let Named { name, model, warnings, notes, libraries } = load(scene, options.invalid, watch)?;
+    let named = load(scene, options.invalid, watch)?;
+    let listed = view::listed(scene, &named.model);
+    finish(named, listed, start, options, watch)
+}
+
+/// The same of triangles that are in memory already.
+///
+/// # Errors
+/// When the tree cannot be built, or `watch` breaks.
+pub fn prepare_model(model: Model, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
+    let name = model.source.clone();
+    let named = Named { name, model, warnings: Vec::new(), notes: Vec::new(), libraries: Vec::new() };
+    finish(named, None, Instant::now(), options, watch)
+}
+
+/// Scans what was loaded since `start`, and builds its tree.
+fn finish(
+    named: Named,
+    listed: Option<View>,
+    start: Instant,
+    options: &Options,
+    watch: &mut Watch<'_>,
+) -> Result<Prepared, PrepareError> {
+    let Named { name, model, warnings, notes, libraries } = named;
     let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
     let mut plan = Plan::new(&scan);
     let load_s = start.elapsed().as_secs_f64();
@@ -125,7 +148,6 @@ pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);
-    let listed = view::listed(scene, &model);
     Ok(Prepared {
         name,
         model,

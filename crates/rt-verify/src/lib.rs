@@ -38,5 +38,5 @@ mod trial;
 
 pub use promise::Promise;
 pub use report::{DeviceReport, Row, Verdict};
+pub use rt_core::clock::now as clock;
 pub use suite::{Extent, Options, Stopped, Subject, Suite, Watch};
-pub use trial::clock;

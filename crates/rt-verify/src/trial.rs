@@ -1,14 +1,15 @@
 //! One device under trial: rays in, hits out, and what it says instead.
 
 use crate::suite::{Options, Stopped, Suite, Watch};
+use rt_core::clock;
 use rt_core::{
     Device, DeviceError, DeviceErrorKind, Hit, Launch, Precision, Query, Ray, RaySource, Scene, StreamSpec, TestCounts,
     Tracer, tasks_of,
 };
 use std::cell::Cell;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::sync::{Arc, OnceLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Most rays loaded at once: what every device has room for, and enough to occupy any.
 const BATCH: usize = 1 << 18;
@@ -19,13 +20,6 @@ const LIMIT: Duration = Duration::from_secs(300);
 
 /// Why a line about trees is skipped.
 pub(crate) const OWN_TREES: &str = "this tracer builds its own trees";
-
-/// Time since the process first asked for it: the clock that tracers under test are given.
-#[must_use]
-pub fn clock() -> Duration {
-    static ORIGIN: OnceLock<Instant> = OnceLock::new();
-    ORIGIN.get_or_init(Instant::now).elapsed()
-}
 
 /// Why a device gave no answer.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,7 +72,7 @@ impl Trial<'_> {
 
     /// Makes a scene resident.
     pub(crate) fn open(&self, scene: &Arc<Scene>) -> Result<Session, Refusal> {
-        let tracer = self.device.tracer(Arc::clone(scene), clock)?;
+        let tracer = self.device.tracer(Arc::clone(scene), clock::now)?;
         Ok(Session { tracer, precision: self.precision })
     }
 

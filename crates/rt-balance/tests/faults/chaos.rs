@@ -114,7 +114,7 @@ fn stream(
             assert!(!panics, "the caller's callback");
         }
     };
-    let control = Control { cancel: Some(&cancel), progress: Some(&progress) };
+    let control = Control { cancel: Some(&cancel), progress: Some(&progress), ..Control::default() };
     let traced = catch_unwind(AssertUnwindSafe(|| trace(what, balancer, scheduling, control)));
     let end = match traced {
         Err(panic) => {

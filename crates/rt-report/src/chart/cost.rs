@@ -3,6 +3,7 @@
 use super::canvas::{Align, Canvas, Rgb};
 use super::scale::{significant, tick_label, ticks};
 use crate::ReportError;
+use rt_balance::report::StreamRun;
 use rt_core::Task;
 use std::path::Path;
 
@@ -23,6 +24,16 @@ pub struct CostMap {
     /// Nanoseconds per ray of each task, and its number of pixels.
     estimated: Vec<(f32, u32)>,
     measured: Vec<(f32, u32)>,
+}
+
+/// Predicted seconds of each task, after one scale that makes their total the measured one: before a device has traced
+/// its first launches its prices come from sparse samples, which are more expensive than what follows.
+#[must_use]
+pub fn scaled_estimate(run: &StreamRun) -> Vec<f64> {
+    let known = || run.predicted_s.iter().zip(&run.measured_s).filter(|(p, m)| p.is_finite() && m.is_finite());
+    let (predicted, measured) = known().fold((0.0, 0.0), |(p, m), pair| (p + pair.0, m + pair.1));
+    let scale = if predicted > 0.0 && measured > 0.0 { measured / predicted } else { 1.0 };
+    run.predicted_s.iter().map(|seconds| seconds * scale).collect()
 }
 
 /// A part of the map: sums over those of its pixels whose cost is known, in nanoseconds per ray, and a task it belongs

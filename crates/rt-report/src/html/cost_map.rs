@@ -1,7 +1,7 @@
 //! The cost maps of a page: estimated beside measured time of every task, read out under the pointer.
 
 use super::{Page, escaped};
-use crate::chart::cost::CostMap;
+use crate::chart::cost::{CostMap, scaled_estimate};
 use crate::chart::duration;
 use rt_balance::report::StreamRun;
 use serde_json::{Value, json};
@@ -19,8 +19,6 @@ pub(super) struct Costs<'a> {
     pub(super) map: &'a CostMap,
     /// One for each wave, in the order in which they were added to the map.
     pub(super) runs: Vec<&'a StreamRun>,
-    /// Estimated seconds of a run's tasks, on the measured scale.
-    pub(super) estimated: fn(&StreamRun) -> Vec<f64>,
 }
 
 impl Costs<'_> {
@@ -70,7 +68,7 @@ impl Costs<'_> {
         };
         let waves: Vec<usize> = self.runs.iter().map(first_of).collect();
         let runs = || self.runs.iter();
-        let estimated: Vec<f64> = runs().flat_map(|run| (self.estimated)(run)).collect();
+        let estimated: Vec<f64> = runs().flat_map(|run| scaled_estimate(run)).collect();
         let measured: Vec<f64> = runs().flat_map(|run| run.measured_s.iter().copied()).collect();
         let left: Vec<u32> =
             runs().flat_map(|run| run.tasks.iter().zip(&run.kept).map(|(task, kept)| task.rays - kept)).collect();

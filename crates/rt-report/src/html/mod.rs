@@ -4,6 +4,7 @@
 //! security policy forbids the browser to fetch anything else.
 
 mod cost_map;
+pub mod measured;
 pub mod render;
 
 use crate::image::{self, Preview};

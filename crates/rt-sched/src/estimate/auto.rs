@@ -78,9 +78,10 @@ impl Decision {
         decision
     }
 
-    /// Whether the queue cannot mend what it does not know.
+    /// Whether the queue cannot mend what it does not know; or all is to be lost, by which a caller asks for an
+    /// estimate.
     fn needs_costs(&self) -> bool {
-        self.tasks_a_device < FEW || !self.moves
+        self.tasks_a_device < FEW || !self.moves || self.loss >= 1.0
     }
 }
 

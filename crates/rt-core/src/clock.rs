@@ -1,4 +1,4 @@
-//! The clock that all devices of a process share.
+//! The clock that all devices of a process share: what a [`Clock`](crate::Clock) is where there is an operating system.
 
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
