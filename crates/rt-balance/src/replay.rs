@@ -24,8 +24,8 @@ pub struct Observed {
     pub walks_s: f64,
     /// The rest of the estimation: host seconds of choosing samples and planning.
     pub planning_s: f64,
-    /// Seconds of a launch on the device beside its tasks: the least of all launches, since what other programs of the machine took
-    /// in between is no part of it.
+    /// Seconds of a launch on the device beside its tasks: the least of all launches, since what other programs of the
+    /// machine took in between is no part of it.
     pub launch_s: f64,
 }
 

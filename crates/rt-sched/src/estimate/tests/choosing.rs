@@ -147,7 +147,7 @@ fn auto_samples_only_where_that_wins() {
         (32, true, 0.05, false),
         (512, true, 0.05, false),
         (512, false, 0.05, true),
-        // At the assumed price of 3, and two devices that wait for the host, two samples a task cost 0.43% of the trace.
+        // At the assumed price of 3, and two devices that wait for the host, two samples a task cost 0.43%.
         (512, false, 0.009, true),
         (512, false, 0.008, false),
         (16, true, 0.008, false),
