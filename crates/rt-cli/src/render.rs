@@ -283,7 +283,7 @@ pub(crate) fn print_scene(report: &Report) -> Result<()> {
 
 fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     print_scene(report)?;
-    if args.balance.estimate.explain {
+    if args.balance.explain {
         write!(Stdout, "\n{}", table::reasons(runs))?;
     }
     writeln!(Stdout, "\n{}", table::streams(runs))?;

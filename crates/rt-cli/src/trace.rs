@@ -120,7 +120,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         if report.is_none() {
-            if args.balance.estimate.explain {
+            if args.balance.explain {
                 write!(Stdout, "{}", table::reasons(&runs))?;
             }
             write!(Stdout, "{}", table::streams(&runs))?;
