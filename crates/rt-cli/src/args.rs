@@ -39,8 +39,8 @@ mod heading {
 
 /// Trace a scene over several devices, balanced by estimated cost.
 ///
-/// Without a command it renders: the file that is named, or the built-in garden, into out/, and prints how well the work
-/// was balanced.
+/// Without a command it renders: the file that is named, or the built-in garden, into out/, and prints how well the
+/// work was balanced.
 #[derive(Debug, Parser)]
 #[command(name = "raybalance", version, about, long_about)]
 #[command(after_help = format!("Examples:
