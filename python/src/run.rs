@@ -47,6 +47,7 @@ impl Run {
             queue,
             policy,
             streams: vec![of_stream.clone()],
+            cluster: Vec::new(),
             seconds: Seconds {
                 load: scene.load_s,
                 build: scene.build_s,

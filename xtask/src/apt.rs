@@ -132,7 +132,8 @@ fn dependency_names(field: &str) -> Vec<String> {
     field.split(',').filter_map(first_word).collect()
 }
 
-fn is_installed(package: &str) -> bool {
+/// Whether a package of this name is installed.
+pub(crate) fn is_installed(package: &str) -> bool {
     let mut query = Command::new("dpkg-query");
     query.args(["--show", "--showformat=${db:Status-Status}\\n", package]);
     // One line for each architecture.

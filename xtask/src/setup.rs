@@ -19,6 +19,8 @@ pub(crate) struct Setup {
     pub(crate) provided: Vec<&'static str>,
     /// Whether [`vulkan::environment`] names devices.
     pub(crate) software_vulkan: bool,
+    /// Whether there is an MPI library, and what building on it takes.
+    pub(crate) mpi: bool,
     /// Embree's library, if this put it in place.
     pub(crate) embree: Option<PathBuf>,
 }
@@ -31,6 +33,12 @@ const VULKAN_SUPPORTED: bool = cfg!(target_os = "linux");
 
 /// Whether a browser, which is Debian's, can be had: the pages that commands write are tested in it.
 const BROWSER_SUPPORTED: bool = cfg!(target_os = "linux");
+
+/// Whether an MPI library, which is Debian's, can be had.
+const MPI_SUPPORTED: bool = cfg!(target_os = "linux");
+
+/// The library with its compiler and launcher, and what bindgen reads headers with.
+const MPI_PACKAGES: &[&str] = &["libopenmpi-dev", "openmpi-bin", "libclang-dev"];
 
 /// Something from outside that the tests need.
 struct Part {
@@ -92,6 +100,12 @@ const PARTS: &[Part] = &[
         name: "Chromium",
         state: |_| Ok(if BROWSER_SUPPORTED { present(chromium()) } else { State::NotNeeded("only for Linux") }),
         install: |_| apt::install(&["chromium"]).map(|()| "installed chromium".to_owned()),
+    },
+    Part {
+        name: "MPI",
+        state: |_| Ok(if MPI_SUPPORTED { present(mpi()) } else { State::NotNeeded("only for Linux") }),
+        // Nothing but several machines needs it.
+        install: |_| or_left_out(apt::install(MPI_PACKAGES).map(|()| format!("installed {}", MPI_PACKAGES.join(", ")))),
     },
     Part {
         name: "software Vulkan",
@@ -187,11 +201,15 @@ pub(crate) fn setup() -> Result<Setup> {
     if BROWSER_SUPPORTED {
         provided.push("chromium");
     }
+    let mpi = MPI_SUPPORTED && mpi();
+    if mpi {
+        provided.push("mpi");
+    }
     let embree = if names_embree() { None } else { embree::library() };
     if names_embree() || embree.is_some() {
         provided.push("embree");
     }
-    Ok(Setup { scenes: context.scenes, provided, software_vulkan, embree })
+    Ok(Setup { scenes: context.scenes, provided, software_vulkan, mpi, embree })
 }
 
 fn present(yes: bool) -> State {
@@ -203,6 +221,12 @@ fn chromium() -> bool {
     let named = std::env::var_os("CHROMIUM").into_iter();
     let known = ["chromium", "chromium-browser", "google-chrome"].map(Into::into);
     named.chain(known).any(|name: std::ffi::OsString| succeeds(Command::new(name).arg("--version")))
+}
+
+/// Whether programs can be built on MPI and started by it.
+fn mpi() -> bool {
+    let answers = |program: &str| succeeds(Command::new(program).arg("--version"));
+    answers("mpicc") && answers("mpirun") && apt::is_installed("libclang-dev")
 }
 
 fn component(subcommand: &str) -> State {

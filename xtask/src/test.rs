@@ -20,6 +20,9 @@ pub(crate) enum Extent {
 /// Rays of each line of the suite `verify` on a GPU device: software ones trace a tenth of what the CPU itself does.
 const SOFTWARE_RAYS: u32 = 40_000;
 
+/// The feature that needs an MPI library to build.
+const MPI: &str = "mpi";
+
 struct Step {
     name: String,
     check: Check,
@@ -78,9 +81,13 @@ pub(crate) fn test(extent: Extent) -> Result<()> {
 
 fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     let command = |name: &str, command| Step { name: name.to_owned(), check: Check::Command(Box::new(command)) };
+    let features = match setup.mpi {
+        true => "--all-features".to_owned(),
+        false => format!("--features {}", Packages::read()?.features_without(MPI)),
+    };
     let mut steps = vec![
         command("formatting", cargo("fmt --all --check")),
-        command("lints", cargo("clippy --workspace --all-targets --all-features -- -D warnings")),
+        command("lints", cargo(&format!("clippy --workspace --all-targets {features} -- -D warnings"))),
     ];
     let deny = match deny::availability() {
         Availability::Present => Check::Function(deny::check),
@@ -89,7 +96,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     };
     steps.push(Step { name: "licences and sources".to_owned(), check: deny });
     if extent == Extent::Everything {
-        let mut documentation = cargo("doc --workspace --no-deps --all-features");
+        let mut documentation = cargo(&format!("doc --workspace --no-deps {features}"));
         documentation.env("RUSTDOCFLAGS", "-D warnings");
         steps.push(command("documentation", documentation));
         steps.push(command("facade alone", cargo(&format!("check -p {FACADE} --no-default-features"))));
@@ -133,6 +140,11 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
+    let ranks = match setup.mpi {
+        true => Check::Command(Box::new(cargo("test -p rt-cli --features mpi --test ranks"))),
+        false => Check::Impossible("MPI was left out"),
+    };
+    steps.push(Step { name: "several processes".to_owned(), check: ranks });
     steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
     if setup.software_vulkan || named {
         for (name, backend) in [("Vulkan", "vulkan:0"), ("wgpu", "wgpu:0")] {

@@ -35,6 +35,18 @@ impl Packages {
         public.filter_map(|package| package["name"].as_str())
     }
 
+    /// Every feature of every package, as cargo's `--features` takes them, but for those of a name: what
+    /// `--all-features` is where that one cannot be built.
+    pub(crate) fn features_without(&self, left_out: &str) -> String {
+        let of = |package: &Value| {
+            let name = package["name"].as_str().unwrap_or_default().to_owned();
+            let features = package["features"].as_object().into_iter().flat_map(|features| features.keys());
+            let wanted = features.filter(|&feature| feature != left_out);
+            wanted.map(|feature| format!("{name}/{feature}")).collect::<Vec<_>>()
+        };
+        self.0.iter().flat_map(of).collect::<Vec<_>>().join(",")
+    }
+
     /// The features of the facade other than `default`.
     pub(crate) fn facade_features(&self) -> Result<Vec<String>> {
         let facade = self.0.iter().find(|package| package["name"] == FACADE);
@@ -48,6 +60,14 @@ impl Packages {
 mod tests {
     use super::*;
     use crate::command::root;
+
+    /// Mutants: the feature is built where it cannot be; others are left out with it.
+    #[test]
+    fn one_feature_can_be_left_out() {
+        let features = Packages::read().unwrap().features_without("mpi");
+        let features: Vec<&str> = features.split(',').collect();
+        assert!(features.contains(&"rt-balance/vulkan") && features.iter().all(|name| !name.ends_with("/mpi")));
+    }
 
     /// The workflow runs the least compiler that is promised.
     ///

@@ -1,10 +1,10 @@
 //! From the command line's balancing options to a schedule.
 
 use crate::args::{BalanceArgs, EstimateArgs};
-use crate::frame::TaskCut;
 use anyhow::Result;
 use rt_balance::catalogue::{Estimator, Make};
 use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
+use rt_render::TaskCut;
 use rt_report::usage::{OrUsage, usage};
 use rt_sched::sample::Fraction;
 

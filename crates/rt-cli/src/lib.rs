@@ -4,15 +4,13 @@
 mod args;
 mod balance;
 mod experiments;
-mod film;
-mod frame;
 mod interrupt;
 mod list;
 mod memory;
 mod progress;
+mod ranks;
 mod render;
 mod scene;
-mod shade;
 mod trace;
 mod verify;
 

@@ -1,6 +1,7 @@
 //! How much memory there is, and refusing what does not fit before any of it is taken.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Result, bail};
+pub(crate) use rt_render::memory::{filled, size};
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 #[cfg(unix)]
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate};
@@ -73,29 +74,6 @@ fn address_space(_: System) -> Option<Room> {
     None
 }
 
-/// Bytes as people read them, in powers of 1000.
-pub(crate) fn size(bytes: u64) -> String {
-    let bytes = bytes as f64;
-    match bytes {
-        b if b >= 1e10 => format!("{:.0} GB", b / 1e9),
-        b if b >= 1e9 => format!("{:.1} GB", b / 1e9),
-        b if b >= 1e6 => format!("{:.0} MB", b / 1e6),
-        b => format!("{:.0} kB", b / 1e3),
-    }
-}
-
-/// `count` times `value`.
-///
-/// # Errors
-/// When there is no memory for it; the message says for what, and how many bytes were asked for.
-pub(crate) fn filled<T: Clone>(value: T, count: usize, what: &str) -> Result<Vec<T>> {
-    let mut all = Vec::new();
-    let bytes = (count as u64).saturating_mul(size_of::<T>() as u64);
-    all.try_reserve_exact(count).with_context(|| format!("no memory for {what}: {} were asked for", size(bytes)))?;
-    all.resize(count, value);
-    Ok(all)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -115,13 +93,5 @@ mod tests {
     fn there_is_some_room_and_not_more_than_a_machine_has() {
         let room = Room::now();
         assert!((1 << 20..1 << 50).contains(&room.bytes) || room.bytes == u64::MAX, "{room:?}");
-    }
-
-    /// Fails when vectors are asked for without a way to fail.
-    #[test]
-    fn no_memory_is_an_error_that_names_the_bytes() {
-        let error = filled([0_u8; 16], usize::MAX / 32, "the hits").unwrap_err();
-        let error = format!("{error:#}");
-        assert!(error.contains("no memory for the hits") && error.contains("GB"), "{error}");
     }
 }

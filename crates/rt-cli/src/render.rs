@@ -1,24 +1,23 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::film::Film;
-use crate::frame::{Part, Renderer, Session, TaskCut};
 use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
 use crate::output::Outputs;
+use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::shade::Light;
-use crate::{chart, html, interrupt, output, scene, table};
+use crate::{chart, html, interrupt, output, progress, scene, table};
 use anyhow::{Context, Result};
-use rt_balance::Balancer;
 use rt_balance::report::StreamRun;
+use rt_balance::{Balancer, Limits};
 use rt_core::bounce::Surfaces;
 use rt_core::{Device, StreamKind};
-use rt_report::Provenance;
+use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
 use rt_report::chart::cost::{self, CostMap};
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
+use rt_report::{Provenance, image};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Wave, Waves};
+use rt_scene::streams::{Paths, Wave, Waves};
 use rt_scene::{View, view};
 use std::io::Write;
 use std::path::Path;
@@ -32,53 +31,35 @@ const FILES: [&str; 5] = ["cost.png", "timeline.svg", "trace.json", "report.json
 const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
+    let mut ranks = Ranks::join()?;
+    if ranks.size() == 1 {
+        return alone(args);
+    }
+    let rendered = ranks::render::run(args, &mut ranks);
+    ranks.leave(rendered)
+}
+
+/// Renders in this process.
+fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let scene = args.scene.as_deref().unwrap_or(Path::new("yard"));
-    let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
-    let outputs = Outputs::new().folder("--out", &args.out, pictures.chain(FILES.map(str::to_owned)));
-    scene::check([scene])?;
-    let outputs = outputs.scenes([scene]);
+    let outputs = outputs(args, &FILES);
+    scene::check([scene_of(args)])?;
     outputs.check()?;
     let waves = cut(args, Room::now())?;
-    let prepared = args.source.prepare(scene)?;
-    outputs.spare_materials(&prepared.libraries)?;
-    let first = choose_view(&prepared, args)?;
-    let scene = Arc::clone(&prepared.built.scene);
-    let devices = args.balance.device.open(args.balance.devices.as_deref())?;
-    let begin = Instant::now();
-    let balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
-    let setup = begin.elapsed().as_secs_f64();
-    let mut session = Session { balancer, scheduling, runs: Vec::new() };
-
-    let described = SceneReport::of(&prepared);
-    let Prepared { model, precision, load_s, build_s, .. } = prepared;
-    let extent = model.bounds().extent().length();
-    let renderer = Renderer {
-        // The scene holds the triangles; the model's own go here.
-        colours: model.into_colours(),
-        surfaces: Arc::new(Surfaces::new(Arc::clone(&scene))),
-        light: Light::new(&first, extent),
-        size: args.size,
-        samples: args.spp,
-        bounces: args.bounces,
-        precision,
-        cut: args.balance.cut(),
-        seed: args.balance.seed,
-        reference: args.reference,
-        cancel: interrupt::flag(),
-    };
+    let Stage { described, devices, balancer, first, renderer, mut seconds } =
+        Stage::set(args, &scheduling.limits, Some(&outputs))?;
+    let show = progress::of_streams("tracing");
+    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &show };
     let mut film = Film::new(args.size, args.spp)?;
     let mut costs = CostMap::new(args.size, args.spp);
-    let mut seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
     for frame in 0..args.frames {
-        film.clear();
-        let seen = view::orbit(&first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
-        let paths = renderer.paths(seen.camera().context("the camera of the orbit")?, frame);
+        let paths = paths(&renderer, &first, frame)?;
         for (number, wave) in (0..).zip(waves.iter()) {
             let begin = Instant::now();
             let before = session.runs.len();
-            renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave }, &mut film)?;
+            let sums = renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave })?;
+            film.take(&wave.pixels, &sums);
             let runs = &session.runs[before..];
             add_times(&mut seconds, runs, begin.elapsed().as_secs_f64());
             let begin = Instant::now();
@@ -86,7 +67,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
             seconds.write += begin.elapsed().as_secs_f64();
         }
         let begin = Instant::now();
-        film.write_png(&args.out.join(picture_name(frame, args)))?;
+        write_picture(args, frame, &film)?;
         seconds.write += begin.elapsed().as_secs_f64();
     }
     interrupt::check()?;
@@ -104,10 +85,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
+        cluster: Vec::new(),
         seconds,
     };
-    let path = args.out.join("report.json");
-    output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, &report)?))?;
+    write_report(args, &report)?;
     let rendered = html::render::Rendered {
         report: &report,
         runs: &runs,
@@ -123,6 +104,80 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
         print(&report, &runs, args)?;
     }
     Ok(())
+}
+
+/// A scene on this process's devices, ready to be rendered.
+pub(crate) struct Stage {
+    pub(crate) described: SceneReport,
+    pub(crate) devices: Vec<Arc<dyn Device>>,
+    pub(crate) balancer: Balancer,
+    /// What the first frame shows.
+    pub(crate) first: View,
+    pub(crate) renderer: Renderer<'static>,
+    /// What it took.
+    pub(crate) seconds: Seconds,
+}
+
+impl Stage {
+    /// Reads the scene, builds its tree and brings it to the devices.
+    pub(crate) fn set(args: &RenderArgs, limits: &Limits, outputs: Option<&Outputs>) -> Result<Self> {
+        let prepared = args.source.prepare(scene_of(args))?;
+        if let Some(outputs) = outputs {
+            outputs.spare_materials(&prepared.libraries)?;
+        }
+        let first = choose_view(&prepared, args)?;
+        let scene = Arc::clone(&prepared.built.scene);
+        let devices = args.balance.device.open(args.balance.devices.as_deref())?;
+        let begin = Instant::now();
+        let balancer = Balancer::open(Arc::clone(&scene), &devices, limits, interrupt::control())?;
+        let setup = begin.elapsed().as_secs_f64();
+        let described = SceneReport::of(&prepared);
+        let Prepared { model, precision, load_s, build_s, .. } = prepared;
+        let seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
+        let extent = model.bounds().extent().length();
+        let renderer = Renderer {
+            // The scene holds the triangles; the model's own go here.
+            colours: model.into_colours(),
+            surfaces: Arc::new(Surfaces::new(scene)),
+            light: Light::new(&first, extent),
+            size: args.size,
+            samples: args.spp,
+            bounces: args.bounces,
+            precision,
+            cut: args.balance.cut(),
+            seed: args.balance.seed,
+            reference: args.reference,
+            cancel: interrupt::flag(),
+        };
+        Ok(Self { described, devices, balancer, first, renderer, seconds })
+    }
+}
+
+/// The paths of a frame of an orbit about the target that begins with the view `first`.
+pub(crate) fn paths(renderer: &Renderer<'_>, first: &View, frame: u32) -> Result<Paths> {
+    let seen = view::orbit(first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
+    Ok(renderer.paths(seen.camera().context("the camera of the orbit")?, frame))
+}
+
+pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
+    args.scene.as_deref().unwrap_or(Path::new("yard"))
+}
+
+/// The pictures and `files` in the folder of results.
+pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
+    let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
+    let names = pictures.chain(files.iter().map(|&file| file.to_owned()));
+    Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)])
+}
+
+pub(crate) fn write_picture(args: &RenderArgs, frame: u32, film: &Film) -> Result<()> {
+    let path = args.out.join(picture_name(frame, args));
+    Ok(image::write_png(&path, film.size(), film.sums(), film.scale())?)
+}
+
+pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
+    let path = args.out.join("report.json");
+    Ok(output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, report)?))?)
 }
 
 /// The view of the command line, else the scene's.
@@ -150,7 +205,7 @@ fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
     seconds.shade += wall - setup - makespan - reference;
 }
 
-fn picture_name(frame: u32, args: &RenderArgs) -> String {
+pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
 
@@ -200,7 +255,8 @@ pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
 }
 
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
+/// What is traced, for people.
+pub(crate) fn print_scene(report: &Report) -> Result<()> {
     let scene = &report.scene;
     writeln!(
         Stdout,
@@ -220,7 +276,20 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     for reason in &scene.plan.reasons {
         writeln!(Stdout, "  {reason}")?;
     }
+    Ok(())
+}
+
+fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
+    print_scene(report)?;
     writeln!(Stdout, "\n{}", table::streams(runs))?;
+    print_seconds(report)?;
+    let out = args.out.display();
+    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
+    Ok(())
+}
+
+/// Where the time went, for people.
+pub(crate) fn print_seconds(report: &Report) -> Result<()> {
     let s = &report.seconds;
     let parts = [
         ("load", s.load),
@@ -238,7 +307,5 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
         .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
         .collect();
     writeln!(Stdout, "  wall: {}", wall.join(", "))?;
-    let out = args.out.display();
-    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
     Ok(())
 }

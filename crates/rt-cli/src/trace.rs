@@ -3,6 +3,8 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
+use crate::ranks::trace::RayRanges;
+use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
@@ -17,6 +19,16 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
+    let mut ranks = Ranks::join()?;
+    if ranks.size() == 1 {
+        return trace(args, &mut ranks).map(|_| ());
+    }
+    let traced = trace(args, &mut ranks);
+    ranks.leave(traced)
+}
+
+/// Traces, with others if there are any; whether those are there still.
+fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
     let mut outputs = Outputs::new().file("--hits", &args.hits).scenes([&args.scene]).input("the rays", &args.rays);
@@ -24,7 +36,11 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
         outputs = outputs.file("--counts", counts);
     }
     scene::check([&args.scene])?;
-    outputs.check()?;
+    // Only rank 0 writes.
+    let is_first = ranks.rank() == 0;
+    if is_first {
+        outputs.check()?;
+    }
     let rays = RayFile::open(&args.rays)?;
     let most = rays.most_rays();
     let what = format!("{}: tracing {most} rays", args.rays.display());
@@ -39,35 +55,57 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
     let count = u32::try_from(rays.len()).with_context(|| format!("{}: more than 2^32 rays", args.rays.display()))?;
-    let stream = Stream {
-        seed: args.balance.seed,
-        ..Stream::new(RaySource::Explicit { rays: rays.into(), origins: None }, StreamKind::Custom, spec)
-            .with_task_size(args.balance.cut().size(count))
-    };
     let mut hits = memory::filled(Hit::MISS, count as usize, "the hits")?;
     let counts = args.counts.as_ref().map(|_| memory::filled(TestCounts::default(), count as usize, "the counts"));
     let mut counts = counts.transpose()?;
-    let bar = progress::bar("tracing", count.into());
-    let show = |done, _| bar.set_position(done);
-    let control = Control { progress: Some(&show), ..interrupt::control() };
-    let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
-    bar.finish_and_clear();
-    let run = run?;
+    let mut report = None;
+    let (mut runs, mut is_complete) = (Vec::new(), true);
+    if ranks.size() > 1 {
+        let job = RayRanges {
+            rays: &rays,
+            scene: &scene,
+            spec,
+            seed: args.balance.seed,
+            cut: args.balance.cut(),
+            balancer: &mut balancer,
+            scheduling: &mut scheduling,
+            runs: &mut runs,
+            ranges: RayRanges::count(count, ranks.size()),
+        };
+        (is_complete, report) = ranks::trace::run(job, ranks, &mut hits, counts.as_deref_mut())?;
+        if !is_first {
+            return Ok(is_complete);
+        }
+    } else {
+        let source = RaySource::Explicit { rays: rays.into(), origins: None };
+        let stream = Stream::new(source, StreamKind::Custom, spec);
+        let stream = Stream { seed: args.balance.seed, ..stream }.with_task_size(args.balance.cut().size(count));
+        let show = progress::of_streams("tracing");
+        let control = Control { progress: Some(&show), ..interrupt::control() };
+        let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
+        show(count.into(), count.into());
+        runs.push(run?);
+    }
 
     let begin = Instant::now();
     npy::write_hits(&args.hits, &hits)?;
     if let (Some(path), Some(counts)) = (&args.counts, &counts) {
         npy::write_counts(path, counts)?;
     }
+    let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
+    let traced: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
     let seconds = Seconds {
         load: prepared.load_s,
         build: prepared.build_s,
-        estimate: run.report.estimate.seconds,
-        trace: run.report.makespan_s - run.report.estimate.seconds,
+        estimate,
+        trace: report.as_ref().map_or(traced - estimate, |report| report.makespan_s),
         write: begin.elapsed().as_secs_f64(),
         total: start.elapsed().as_secs_f64(),
         ..Seconds::default()
     };
+    if let Some(report) = &report {
+        ranks::trace::tell(report, args.json)?;
+    }
     if args.json {
         let report = Report {
             schema: SCHEMA,
@@ -75,14 +113,17 @@ pub(crate) fn run(args: &TraceArgs) -> Result<()> {
             scene: SceneReport::of(&prepared),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
-            streams: vec![run.report],
+            streams: runs.into_iter().map(|run| run.report).collect(),
+            cluster: report.into_iter().collect(),
             seconds,
         };
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        write!(Stdout, "{}", table::streams(&[run]))?;
+        if report.is_none() {
+            write!(Stdout, "{}", table::streams(&runs))?;
+        }
         let met = hits.iter().filter(|hit| hit.is_hit()).count();
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;
     }
-    Ok(())
+    Ok(is_complete)
 }

@@ -76,11 +76,33 @@ impl Deal<'_> {
     }
 }
 
+/// A tile that is finished, as rank 0 gets it.
+#[derive(Clone, Copy, Debug)]
+pub struct Finished<'a> {
+    /// The tile.
+    pub tile: u32,
+    /// Wall seconds that it took.
+    pub seconds: f32,
+    /// What [`Job::compute`] made of it.
+    pub bytes: &'a [u8],
+}
+
+/// How a deal ended.
+#[derive(Clone, Debug)]
+pub struct Dealt {
+    /// Whether no rank was lost, so that all can leave in good order.
+    pub is_complete: bool,
+    /// On rank 0, what was done by whom.
+    pub report: Option<ClusterReport>,
+}
+
+/// Takes what is finished.
+pub type Take<'a> = dyn FnMut(Finished<'_>) -> io::Result<()> + Send + 'a;
+
 /// Computes this rank's part of a deal, and on rank 0 keeps what all ranks computed: `take` is called there once for
 /// each tile that was not finished before, in any order, by another thread.
 ///
-/// Returns on rank 0 what was done by whom, elsewhere `None`, when all tiles are finished. On rank 0 a rank that was
-/// lost is no error as long as the tiles are finished: the report names it.
+/// Returns when all tiles are finished. A rank that was lost is no error then: the report names it.
 ///
 /// # Errors
 /// When the tiles cannot be finished, or this rank cannot take part.
@@ -91,8 +113,8 @@ pub fn deal<J: Job>(
     transport: &mut dyn Transport,
     deal: &Deal<'_>,
     job: &mut J,
-    take: &mut (dyn FnMut(u32, &[u8]) -> io::Result<()> + Send),
-) -> Result<Option<ClusterReport>, ClusterError> {
+    take: &mut Take<'_>,
+) -> Result<Dealt, ClusterError> {
     let (rank, size) = (transport.rank(), transport.size());
     let begin = Instant::now();
     let mut said = Vec::new();
@@ -108,7 +130,7 @@ pub fn deal<J: Job>(
         let ended = courier.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         match (ended, failed) {
             // On rank 0 the others finished it; the report says that rank 0 did not take part.
-            (Ok(report), _) if rank == 0 => Ok(report),
+            (Ok(dealt), _) if rank == 0 => Ok(dealt),
             // The cause, not what followed from it.
             (_, Some(error)) => Err(ClusterError::Job(error)),
             (ended, None) => ended,
@@ -206,13 +228,13 @@ struct Courier<'a> {
     desk: &'a Desk,
     /// On rank 0.
     server: Option<Server>,
-    take: &'a mut (dyn FnMut(u32, &[u8]) -> io::Result<()> + Send),
+    take: &'a mut Take<'a>,
     /// Messages and bytes that went in and out.
     sent: (u64, u64),
 }
 
 impl Courier<'_> {
-    fn run(mut self, said: Vec<ToServer>, told: &Receiver<Told>) -> Result<Option<ClusterReport>, ClusterError> {
+    fn run(mut self, said: Vec<ToServer>, told: &Receiver<Told>) -> Result<Dealt, ClusterError> {
         let ended = self.carry(said, told);
         if let (Err(error), Some(server)) = (&ended, &mut self.server) {
             let mut out = Vec::new();
@@ -227,16 +249,18 @@ impl Courier<'_> {
             let why = ended.as_ref().err().map_or_else(String::new, ToString::to_string);
             worker.receive(self.desk.now(), ToWorker::Stopped(why), &mut Vec::new());
         }
+        let is_complete = worker.end() == Some(&End::Finished { is_complete: true });
         drop(worker);
         self.desk.changed.notify_all();
         ended?;
-        Ok(self.server.as_ref().map(|server| {
+        let report = self.server.as_ref().map(|server| {
             let mut report = server.report();
             report.resumed = self.deal.finished.len() as u32;
             (report.messages, report.bytes) = self.sent;
             report.end(self.desk.now().as_secs_f64());
             report
-        }))
+        });
+        Ok(Dealt { is_complete, report })
     }
 
     fn carry(&mut self, said: Vec<ToServer>, told: &Receiver<Told>) -> Result<(), ClusterError> {
@@ -343,10 +367,15 @@ impl Courier<'_> {
     /// On rank 0: takes what a rank says.
     fn serve(&mut self, from: u32, message: ToServer, payload: &[u8]) -> Result<(), ClusterError> {
         let Some(server) = &mut self.server else { return Ok(()) };
-        let tile = if let ToServer::Done { tile, .. } = message { tile } else { 0 };
+        let finished = match message {
+            ToServer::Done { tile, seconds } => Some(Finished { tile, seconds, bytes: payload }),
+            _ => None,
+        };
         let mut out = Vec::new();
-        if server.receive(self.desk.now(), from, message, &mut out) {
-            (self.take)(tile, payload).map_err(ClusterError::Keep)?;
+        if server.receive(self.desk.now(), from, message, &mut out)
+            && let Some(finished) = finished
+        {
+            (self.take)(finished).map_err(ClusterError::Keep)?;
         }
         self.tell(out)
     }
@@ -387,6 +416,7 @@ impl Courier<'_> {
 }
 
 /// Name of this machine, for people.
-fn host() -> String {
+#[must_use]
+pub fn host() -> String {
     std::fs::read_to_string("/proc/sys/kernel/hostname").map_or_else(|_| "?".to_owned(), |name| name.trim().to_owned())
 }

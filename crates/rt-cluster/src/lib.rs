@@ -5,7 +5,7 @@
 //! wants: pixels, or hits. [`deal`] is called by every rank with the same job and a [`Transport`] of its own:
 //!
 //! ```
-//! use rt_cluster::{Deal, Job, deal, local};
+//! use rt_cluster::{Deal, Finished, Job, deal, local};
 //!
 //! struct Squares;
 //! impl Job for Squares {
@@ -23,8 +23,9 @@
 //!     for mut rank in local::network(3, local::Weather::CALM) {
 //!         let squares = &squares;
 //!         threads.spawn(move || {
-//!             let mut take = |tile: u32, bytes: &[u8]| {
-//!                 squares.lock().unwrap()[tile as usize] = u32::from_le_bytes(bytes.try_into().unwrap());
+//!             let mut take = |done: Finished<'_>| {
+//!                 let square = u32::from_le_bytes(done.bytes.try_into().unwrap());
+//!                 squares.lock().unwrap()[done.tile as usize] = square;
 //!                 Ok(())
 //!             };
 //!             deal(&mut rank, &Deal::new(10, 0), &mut Squares, &mut take).unwrap();
@@ -40,14 +41,19 @@
 //! ([`Server`], [`Worker`]) do no I/O and know no clock, so that tests and simulations run them through millions of
 //! orders of events; [`deal`] is a thread that carries messages between them and a [`Transport`].
 //!
+//! The feature `mpi` adds the module `mpi`, the transport between machines; it needs an MPI library
+//! and libclang to build.
+//!
 //! Current state and limits: rank 0 cannot be lost (the others say so and end); all messages are point to point.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod deal;
 mod error;
 mod ledger;
 pub mod local;
 mod message;
+#[cfg(feature = "mpi")]
+pub mod mpi;
 mod patience;
 mod report;
 mod server;
@@ -55,7 +61,7 @@ pub mod simulate;
 mod transport;
 mod worker;
 
-pub use deal::{Deal, Job, deal};
+pub use deal::{Deal, Dealt, Finished, Job, Take, deal, host};
 pub use error::ClusterError;
 pub use ledger::{Lease, Ledger};
 pub use message::{ToServer, ToWorker};

@@ -2,7 +2,7 @@
 
 use proptest::prelude::*;
 use rt_cluster::local::{LocalRank, Weather, network};
-use rt_cluster::{ClusterError, ClusterReport, Deal, Job, Patience, deal};
+use rt_cluster::{ClusterError, Deal, Dealt, Finished, Job, Patience, deal};
 use std::fmt;
 use std::sync::{Mutex, mpsc};
 use std::thread;
@@ -46,7 +46,7 @@ const SHORT: Patience = Patience {
     welcome: Duration::from_secs(20),
 };
 
-type Ended = Result<Option<ClusterReport>, ClusterError>;
+type Ended = Result<Dealt, ClusterError>;
 
 /// How it ended for every rank, and how often each tile was taken; wrong bytes count a thousand times.
 fn run(ranks: Vec<(LocalRank, Squares)>, about: &Deal<'_>) -> (Vec<Ended>, Vec<u32>) {
@@ -55,7 +55,7 @@ fn run(ranks: Vec<(LocalRank, Squares)>, about: &Deal<'_>) -> (Vec<Ended>, Vec<u
         let start = |(mut rank, mut job): (LocalRank, Squares)| {
             let taken = &taken;
             threads.spawn(move || {
-                let mut take = |tile: u32, bytes: &[u8]| {
+                let mut take = |Finished { tile, bytes, .. }: Finished<'_>| {
                     let is_right = bytes == (u64::from(tile) * u64::from(tile)).to_le_bytes();
                     taken.lock().expect("no panic")[tile as usize] += if is_right { 1 } else { 1000 };
                     Ok(())
@@ -94,7 +94,7 @@ proptest! {
         for (end, is_dying) in ends.iter().zip(dying) {
             prop_assert!(end.is_ok() || is_dying, "{end:?}");
         }
-        let Ok(Some(report)) = &ends[0] else { panic!("{:?}", ends[0]) };
+        let Ok(Dealt { report: Some(report), .. }) = &ends[0] else { panic!("{:?}", ends[0]) };
         prop_assert_eq!(report.ranks.iter().map(|rank| rank.tiles).sum::<u32>(), tiles);
     }
 }
@@ -109,7 +109,7 @@ fn what_is_finished_already_is_not_done_again() {
     let about = Deal { finished: &finished, ..Deal::new(20, 0) };
     let (ends, taken) = run(whole(3), &about);
     assert!((0..).zip(&taken).all(|(tile, &count)| count == u32::from(!finished.contains(&tile))), "{taken:?}");
-    assert_eq!(ends[0].as_ref().expect("a report").as_ref().map(|report| report.resumed), Some(4));
+    assert_eq!(ends[0].as_ref().expect("all tiles").report.as_ref().map(|report| report.resumed), Some(4));
 }
 
 /// Rank 0's job: its first tile takes as long as the other rank does.
@@ -138,18 +138,18 @@ fn a_rank_with_another_job_is_sent_away_by_name() {
     let (mut other, mut own) = (ranks.pop().expect("rank 1"), ranks.pop().expect("rank 0"));
     let (tell, told) = mpsc::channel();
     let mut taken = 0;
-    let mut take = |_: u32, _: &[u8]| {
+    let mut take = |_: Finished<'_>| {
         taken += 1;
         Ok(())
     };
     let (report, refused) = thread::scope(|threads| {
         let other = threads.spawn(move || {
-            let ended = deal(&mut other, &Deal::new(10, 1), &mut Squares { fails: 0 }, &mut |_, _| Ok(()));
+            let ended = deal(&mut other, &Deal::new(10, 1), &mut Squares { fails: 0 }, &mut |_| Ok(()));
             drop(tell);
             ended
         });
         let report = deal(&mut own, &Deal::new(10, 0), &mut Patient { other: told }, &mut take);
-        (report.expect("all tiles").expect("a report"), other.join().expect("no panic"))
+        (report.expect("all tiles").report.expect("a report"), other.join().expect("no panic"))
     });
     assert_eq!(taken, 10);
     let error = refused.expect_err("another job").to_string();
@@ -192,7 +192,7 @@ fn what_cannot_be_kept_stops_all() {
     let ends: Vec<Ended> = thread::scope(|threads| {
         let start = |(mut rank, mut job): (LocalRank, Squares)| {
             threads.spawn(move || {
-                let mut full = |_: u32, _: &[u8]| Err(std::io::Error::other("the disk is full"));
+                let mut full = |_: Finished<'_>| Err(std::io::Error::other("the disk is full"));
                 deal(&mut rank, &Deal::new(50, 0), &mut job, &mut full)
             })
         };

@@ -2,6 +2,7 @@
 
 use crate::Provenance;
 use rt_balance::report::StreamReport;
+use rt_cluster::ClusterReport;
 use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
 use serde::Serialize;
@@ -22,6 +23,9 @@ pub struct Report {
     pub policy: Option<&'static str>,
     /// One for each stream, in the order in which they were traced.
     pub streams: Vec<StreamReport>,
+    /// What was dealt to which process, one entry for each frame; empty where there was one process alone. `streams`
+    /// are those of rank 0 then.
+    pub cluster: Vec<ClusterReport>,
     /// Where the time went.
     pub seconds: Seconds,
     /// Where it comes from.

@@ -51,6 +51,18 @@ impl Waves {
         Ok(Self { size, count: pixels(size).div_ceil(most) })
     }
 
+    /// The same image in more waves: at least `count`, if it has so many pixels.
+    #[must_use]
+    pub fn split(self, count: u64) -> Self {
+        Self { count: self.count.max(count.min(self.pixels())), ..self }
+    }
+
+    /// Number of pixels of the image.
+    #[must_use]
+    pub fn pixels(&self) -> u64 {
+        pixels(self.size)
+    }
+
     /// Number of waves, at least 1.
     #[must_use]
     pub const fn count(&self) -> u64 {
@@ -65,12 +77,16 @@ impl Waves {
 
     /// All waves in order.
     pub fn iter(&self) -> impl Iterator<Item = Wave> {
-        let Self { size, count } = *self;
-        (0..count).map(move |number| {
-            let Range { start, end } = self.range(number);
-            // An image of the largest size has 2³² pixels, so that the number of a first one fits.
-            Wave { first: start as u32, pixels: morton::pixels_in(size[0], size[1], start..end).into() }
-        })
+        (0..self.count).map(|number| self.wave(number))
+    }
+
+    /// Wave `number`; empty beyond the last.
+    #[must_use]
+    pub fn wave(&self, number: u64) -> Wave {
+        let Range { start, end } = self.range(number);
+        let [width, height] = self.size;
+        // An image of the largest size has 2³² pixels, so that the number of a first one fits.
+        Wave { first: start as u32, pixels: morton::pixels_in(width, height, start..end).into() }
     }
 
     /// The places of a wave's pixels on the curve.
@@ -129,6 +145,11 @@ mod tests {
             let sizes = || all.iter().map(|w| w.pixels.len());
             prop_assert!(sizes().max().unwrap() - sizes().min().unwrap() <= 1);
             prop_assert_eq!(waves.largest(), sizes().max().unwrap() as u64);
+            // Cut finer they cover the same, and none is larger.
+            let finer = waves.split(2 * waves.count());
+            prop_assert!(finer.count() >= waves.count() && finer.largest() <= waves.largest());
+            let pixels = finer.iter().flat_map(|w| w.pixels.to_vec()).collect::<Vec<_>>();
+            prop_assert_eq!(pixels, morton::pixel_order(width, height));
             // As few as possible.
             let most = (limit / per_pixel).max(1);
             prop_assert_eq!(waves.count(), u64::from(width * height).div_ceil(most));

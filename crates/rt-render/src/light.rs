@@ -13,7 +13,7 @@ const FILL: f32 = 0.3;
 
 /// Sky and sun of one picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Light {
+pub struct Light {
     up: Vec3,
     pub(crate) sun: Sun,
     /// Distance over which a surface is felt to stand in the light's way.
@@ -22,7 +22,8 @@ pub(crate) struct Light {
 
 impl Light {
     /// Light for the scene seen from `view`, of size `extent` (length of the diagonal of its bounds).
-    pub(crate) fn new(view: &View, extent: f32) -> Self {
+    #[must_use]
+    pub fn new(view: &View, extent: f32) -> Self {
         let up = view.up.try_normalize().unwrap_or(Vec3::Y);
         // The distance to the subject, not the extent, says how large things are where the ground is huge.
         let reach = (0.25 * extent).min(view.eye.distance(view.target)).max(f32::MIN_POSITIVE);

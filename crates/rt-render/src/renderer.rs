@@ -1,9 +1,7 @@
-//! One frame: camera, shadow and diffuse streams in waves, shaded into a film.
+//! One frame: camera, shadow and diffuse streams in waves, shaded.
 
-use crate::film::Film;
-use crate::shade::Light;
-use crate::{memory, progress};
-use anyhow::Result;
+use crate::film::WaveSums;
+use crate::{Light, RenderError, memory};
 use glam::Vec3;
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
@@ -19,7 +17,7 @@ const REFERENCE_PASSES: usize = 3;
 
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum TaskCut {
+pub enum TaskCut {
     /// Tasks of this many rays.
     Size(u32),
     /// This many tasks per stream.
@@ -27,7 +25,9 @@ pub(crate) enum TaskCut {
 }
 
 impl TaskCut {
-    pub(crate) fn size(self, rays: u32) -> u32 {
+    /// Rays of a task in a stream of `rays` rays.
+    #[must_use]
+    pub fn size(self, rays: u32) -> u32 {
         match self {
             Self::Size(size) => size,
             Self::Count(tasks) => rays.div_ceil(tasks).max(1),
@@ -37,84 +37,112 @@ impl TaskCut {
 
 /// What stays the same over all frames.
 #[derive(Debug)]
-pub(crate) struct Renderer<'a> {
-    pub(crate) colours: Colours,
+pub struct Renderer<'a> {
+    /// Colours of the scene's triangles.
+    pub colours: Colours,
     /// Of the scene that is traced.
-    pub(crate) surfaces: Arc<Surfaces>,
-    pub(crate) light: Light,
-    pub(crate) size: [u32; 2],
-    pub(crate) samples: u32,
-    pub(crate) bounces: u32,
-    pub(crate) precision: Precision,
-    pub(crate) cut: TaskCut,
-    pub(crate) seed: u32,
-    pub(crate) reference: bool,
-    pub(crate) cancel: &'a AtomicBool,
+    pub surfaces: Arc<Surfaces>,
+    /// Sky and sun.
+    pub light: Light,
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Paths of each pixel.
+    pub samples: u32,
+    /// Diffuse bounces of each path.
+    pub bounces: u32,
+    /// How carefully rays are tested.
+    pub precision: Precision,
+    /// How streams are cut into tasks.
+    pub cut: TaskCut,
+    /// Seed of all random numbers.
+    pub seed: u32,
+    /// Whether every task is measured by itself in separate passes.
+    pub reference: bool,
+    /// Set to `true` to stop.
+    pub cancel: &'a AtomicBool,
 }
 
 /// Devices, schedule, and what was recorded of each stream so far.
-#[derive(Debug)]
-pub(crate) struct Session {
-    pub(crate) balancer: Balancer,
-    pub(crate) scheduling: Scheduling,
-    pub(crate) runs: Vec<StreamRun>,
+pub struct Session<'a> {
+    /// The devices.
+    pub balancer: Balancer,
+    /// How streams are scheduled.
+    pub scheduling: Scheduling,
+    /// What was recorded, in the order in which streams were traced.
+    pub runs: Vec<StreamRun>,
+    /// Is told how many rays of how many are traced, and at the end of each stream that all are.
+    pub show: &'a dyn Fn(u64, u64),
+}
+
+impl std::fmt::Debug for Session<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Session").field("balancer", &self.balancer).field("runs", &self.runs.len()).finish()
+    }
 }
 
 /// A part of one frame that fits the memory.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Part<'a> {
-    pub(crate) paths: &'a Paths,
-    pub(crate) frame: u32,
+pub struct Part<'a> {
+    /// The paths of the frame.
+    pub paths: &'a Paths,
+    /// Number of the frame.
+    pub frame: u32,
     /// Of the wave in its frame.
-    pub(crate) number: u32,
-    pub(crate) wave: &'a Wave,
+    pub number: u32,
+    /// Its pixels.
+    pub wave: &'a Wave,
 }
 
 impl Renderer<'_> {
     /// The paths of a frame.
-    pub(crate) fn paths(&self, camera: Camera, frame: u32) -> Paths {
+    #[must_use]
+    pub fn paths(&self, camera: Camera, frame: u32) -> Paths {
         // Frames number their pixels alike but must not repeat their noise; runs with one seed must.
         let [seed, ..] = random::pcg3d([self.seed, frame, 0]);
         let Self { size, samples, .. } = *self;
         Paths { camera, size, samples, seed, sun: self.light.sun, surfaces: Arc::clone(&self.surfaces) }
     }
 
-    /// Renders the pixels of one wave into `film`.
-    pub(crate) fn wave(&self, session: &mut Session, part: Part<'_>, film: &mut Film) -> Result<()> {
+    /// Renders the pixels of one wave: sums of radiance over the samples of each, in the order of the wave. They are
+    /// the same bits whatever else is rendered, where, and by which devices.
+    ///
+    /// # Errors
+    /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set.
+    pub fn wave(&self, session: &mut Session<'_>, part: Part<'_>) -> Result<Vec<Vec3>, RenderError> {
         let Part { paths, wave, .. } = part;
+        let mut sums = WaveSums::new(wave.pixels.len(), self.samples)?;
         // For each path the share of its radiance that reaches the pixel.
         let count = wave.pixels.len() * self.samples as usize;
         let mut throughput = memory::filled(Vec3::ONE, count, "the rays of a wave")?;
-        let pixel = |path: u32| wave.pixels[(path / self.samples) as usize];
         let mut front = paths.primary(wave);
         for bounce in 0..=self.bounces {
             let hits = self.trace(session, part, &front)?;
-            let seen = Seen { stream: &front, throughput: &throughput, pixel: &pixel };
-            self.add_misses(&seen, &hits, film);
+            let seen = Seen { stream: &front, throughput: &throughput };
+            self.add_misses(&seen, &hits, &mut sums);
             // The last bounce's light is not followed any further.
             if bounce == self.bounces {
-                self.add_fill(&seen, &hits, film);
+                self.add_fill(&seen, &hits, &mut sums);
                 let shadow = paths.end(&front, &hits);
                 drop(hits);
                 let blocked = self.trace(session, part, &shadow)?;
-                self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, film);
+                self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut sums);
                 break;
             }
             let [shadow, diffuse] = paths.follow(&front, &hits);
             drop(hits);
             let blocked = self.trace(session, part, &shadow)?;
-            self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, film);
+            self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut sums);
             for from in diffuse.departures() {
                 throughput[from.path as usize] *= self.colours.of(from.primitive);
             }
             front = diffuse;
         }
-        Ok(())
+        Ok(sums.into_sums())
     }
 
     /// Traces a stream and records it.
-    fn trace(&self, session: &mut Session, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>> {
-        let Session { balancer, scheduling, runs } = session;
+    fn trace(&self, session: &mut Session<'_>, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>, RenderError> {
+        let Session { balancer, scheduling, runs, show } = session;
         let rays = stream.source.len();
         if rays == 0 {
             return Ok(Vec::new());
@@ -123,11 +151,9 @@ impl Renderer<'_> {
         let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
             .with_task_size(self.cut.size(rays));
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
-        let bar = progress::bar("tracing", rays.into());
-        let show = |done, _| bar.set_position(done);
-        let control = Control { cancel: Some(self.cancel), progress: Some(&show), ..Control::default() };
+        let control = Control { cancel: Some(self.cancel), progress: Some(*show), ..Control::default() };
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
-        bar.finish_and_clear();
+        show(rays.into(), rays.into());
         let mut run = traced?;
         if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, control)?.judge(&mut run);
@@ -136,16 +162,16 @@ impl Renderer<'_> {
         Ok(hits)
     }
 
-    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], film: &mut Film) {
-        film.add_all(hits.len(), |i| {
+    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], sums: &mut WaveSums) {
+        sums.add_all(hits.len(), |i| {
             let sky = || self.light.sky(seen.stream.source.ray(i as u32).0.direction);
             (!hits[i].is_hit()).then(|| seen.through(i, sky()))
         });
     }
 
-    fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], film: &mut Film) {
+    fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], sums: &mut WaveSums) {
         let departures = seen.stream.departures();
-        film.add_all(blocked.len(), |i| {
+        sums.add_all(blocked.len(), |i| {
             if blocked[i].is_hit() {
                 return None;
             }
@@ -156,8 +182,8 @@ impl Renderer<'_> {
         });
     }
 
-    fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], film: &mut Film) {
-        film.add_all(hits.len(), |i| {
+    fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], sums: &mut WaveSums) {
+        sums.add_all(hits.len(), |i| {
             let hit = &hits[i];
             // Only directions of camera rays have any length.
             let length = || match &seen.stream.source {
@@ -176,14 +202,12 @@ struct Seen<'a> {
     stream: &'a PathStream,
     /// For each path of the wave, the share of its radiance that reaches the pixel.
     throughput: &'a [Vec3],
-    /// The pixel of a path.
-    pixel: &'a (dyn Fn(u32) -> u32 + Sync),
 }
 
 impl Seen<'_> {
-    /// What light that comes along ray `i` adds to which pixel.
+    /// What light that comes along ray `i` adds to which path.
     fn through(&self, i: usize, light: Vec3) -> (u32, Vec3) {
         let path = self.stream.path(i as u32);
-        ((self.pixel)(path), self.throughput[path as usize] * light)
+        (path, self.throughput[path as usize] * light)
     }
 }

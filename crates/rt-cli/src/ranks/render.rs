@@ -1,0 +1,111 @@
+//! `raybalance render` by several processes: each renders tiles, rank 0 gathers and writes them.
+
+use super::{Ranks, explained, print, warn};
+use crate::args::RenderArgs;
+use crate::memory::{self, BYTES_PER_PATH, Room};
+use crate::render::{self, Stage};
+use crate::report::{Report, SCHEMA};
+use crate::{interrupt, progress, scene, table};
+use anyhow::{Result, bail};
+use rt_cluster::{Deal, Finished, deal};
+use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
+use rt_render::{Film, Session};
+use rt_report::Provenance;
+use rt_report::print::Stdout;
+use rt_report::usage::usage;
+use rt_scene::streams::Waves;
+use std::io::{self, Write};
+use std::time::Instant;
+
+/// Renders this process's part; whether all processes are there still.
+pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
+    let start = Instant::now();
+    let scheduling = args.balance.scheduling()?;
+    if args.reference {
+        bail!(usage("--reference measures the devices of one process: leave it out where several work together"));
+    }
+    let is_first = ranks.rank() == 0;
+    scene::check([render::scene_of(args)])?;
+    let outputs = is_first.then(|| render::outputs(args, &["report.json"]));
+    outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
+    let tiles = cut(args, ranks)?;
+    let Stage { described, devices, balancer, first, renderer, mut seconds } =
+        Stage::set(args, &scheduling.limits, outputs.as_ref())?;
+    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &|_, _| {} };
+    let scene = fingerprint_of_scene(&renderer);
+    let mut film = Film::new(if is_first { args.size } else { [1, 1] }, args.spp)?;
+    let (mut reports, mut is_complete) = (Vec::new(), true);
+    // Of each tile, in the frame before.
+    let mut before: Vec<f32> = Vec::new();
+    let mut transport = ranks.transport();
+    for frame in 0..args.frames {
+        let paths = render::paths(&renderer, &first, frame)?;
+        let count = u32::try_from(tiles.count())?;
+        let about = Deal {
+            round: frame,
+            prices: (frame > 0).then_some(&before[..]),
+            cancel: Some(interrupt::flag()),
+            ..Deal::new(count, fingerprint(scene, &renderer, &paths, &tiles))
+        };
+        let mut took = vec![0.0; count as usize];
+        let bar = progress::bar("rendering", count.into());
+        let mut take = |Finished { tile, seconds, bytes }: Finished<'_>| {
+            let pixels = tiles.wave(tile.into()).pixels;
+            film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?);
+            took[tile as usize] = seconds;
+            bar.inc(1);
+            Ok(())
+        };
+        let mut job = FrameTiles { renderer: &renderer, session: &mut session, paths: &paths, frame, tiles };
+        let dealt = deal(&mut *transport, &about, &mut job, &mut take);
+        bar.finish_and_clear();
+        let dealt = dealt.map_err(explained)?;
+        is_complete &= dealt.is_complete;
+        before = took;
+        if let Some(report) = dealt.report {
+            warn(&report);
+            seconds.trace += report.makespan_s;
+            let begin = Instant::now();
+            render::write_picture(args, frame, &film)?;
+            seconds.write += begin.elapsed().as_secs_f64();
+            reports.push(report);
+        }
+    }
+    drop(transport);
+    interrupt::check()?;
+    if is_first {
+        seconds.total = start.elapsed().as_secs_f64();
+        let Session { scheduling, runs, .. } = session;
+        let report = Report {
+            schema: SCHEMA,
+            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
+            scene: described,
+            queue: scheduling.queue.name(),
+            policy: scheduling.policy_name(),
+            streams: runs.into_iter().map(|run| run.report).collect(),
+            cluster: reports,
+            seconds,
+        };
+        render::write_report(args, &report)?;
+        if args.json {
+            writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
+        } else {
+            render::print_scene(&report)?;
+            print(&report.cluster)?;
+            writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
+            writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;
+        }
+    }
+    Ok(is_complete)
+}
+
+/// Cuts the picture into tiles. Free memory does not decide how: it differs between machines, the cut must not.
+fn cut(args: &RenderArgs, ranks: &Ranks) -> Result<Waves> {
+    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory)?;
+    let tiles = tiles::cut(waves, args.spp, ranks.size());
+    let tile = tiles.largest() * u64::from(args.spp) * BYTES_PER_PATH;
+    let picture = if ranks.rank() == 0 { tiles.pixels() * Film::BYTES_PER_PIXEL } else { 0 };
+    let what = format!("a picture of {} pixels in tiles of {}", tiles.pixels(), memory::size(tile));
+    Room::now().require(picture + tile, &what, "choose a smaller --memory or --size")?;
+    Ok(tiles)
+}

@@ -1,0 +1,132 @@
+//! The command started several times by `mpirun`: pictures and hits are those of one process, and what goes wrong is
+//! said by whoever it goes wrong for.
+//!
+//! Built with the feature `mpi` alone, as by `cargo xtask test` where there is an MPI library.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const PROGRAM: &str = env!("CARGO_BIN_EXE_raybalance");
+
+/// A small picture of which every pixel depends on all random numbers.
+const PICTURE: [&str; 12] =
+    ["render", "yard", "--size", "181x120", "--spp", "3", "--bounces", "1", "--seed", "5", "--devices", "cpu:1"];
+
+/// Starts `ranks` processes on this machine, even where they are more than its cores.
+fn mpirun(ranks: u32) -> Command {
+    let mut command = Command::new("mpirun");
+    command.env("OMPI_ALLOW_RUN_AS_ROOT", "1").env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1");
+    command.args(["--oversubscribe", "-np", &ranks.to_string()]);
+    command
+}
+
+fn succeeded(command: &mut Command) -> Output {
+    let run = command.output().expect("the launcher starts");
+    assert!(run.status.success(), "{command:?}: {}", String::from_utf8_lossy(&run.stderr));
+    run
+}
+
+fn picture(out: &Path) -> Vec<u8> {
+    fs::read(out.join("image.png")).expect("a picture")
+}
+
+/// Fails when a rank renders other pixels than it was dealt, or the order of sums depends on who renders.
+#[test]
+fn the_picture_is_the_same_for_any_number_of_ranks() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = |name: &str| dir.path().join(name);
+    succeeded(Command::new(PROGRAM).args(PICTURE).arg("--out").arg(out("alone")));
+    let whole = picture(&out("alone"));
+    for (ranks, network) in [(1, "sm"), (2, "sm"), (3, "sm"), (4, "sm"), (2, "tcp"), (4, "tcp")] {
+        let name = format!("{ranks} by {network}");
+        let mut run = mpirun(ranks);
+        if network == "tcp" {
+            run.args(["--mca", "btl", "tcp,self", "--mca", "pml", "ob1"]);
+        }
+        succeeded(run.arg(PROGRAM).args(PICTURE).arg("--out").arg(out(&name)));
+        assert!(picture(&out(&name)) == whole, "another picture with {name}");
+        if ranks > 1 {
+            let report = fs::read(out(&name).join("report.json")).expect("a report");
+            let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+            let dealt = &report["cluster"][0];
+            let tiles = dealt["ranks"].as_array().expect("ranks").iter().map(|rank| rank["tiles"].as_u64());
+            assert_eq!(tiles.map(|tiles| tiles.expect("a number")).sum::<u64>(), dealt["tiles"], "{dealt}");
+            assert_eq!(dealt["ranks"].as_array().map(Vec::len), Some(ranks as usize));
+        }
+    }
+}
+
+/// Fails when frames of an animation are taken for each other.
+#[test]
+fn an_animation_is_the_same_too() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let render = |mut command: Command, name: &str| {
+        let out = dir.path().join(name);
+        succeeded(command.args(PICTURE).args(["--frames", "3", "--out"]).arg(&out));
+        (0..3).map(|frame| fs::read(out.join(format!("image-{frame:04}.png"))).expect("a picture")).collect::<Vec<_>>()
+    };
+    let alone = render(Command::new(PROGRAM), "alone");
+    let mut three = mpirun(3);
+    three.arg(PROGRAM);
+    assert!(render(three, "together") == alone);
+}
+
+fn npy(rays: &[[f32; 8]]) -> Vec<u8> {
+    let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 8), }}", rays.len());
+    let header = format!("{header:<117}\n");
+    let numbers = rays.iter().flatten().flat_map(|number| number.to_le_bytes());
+    b"\x93NUMPY\x01\x00\x76\x00".iter().copied().chain(header.into_bytes()).chain(numbers).collect()
+}
+
+/// Fails when hits or counts of one rank are written where another's belong.
+#[test]
+fn hits_and_counts_are_the_same_for_any_number_of_ranks() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let rays = dir.path().join("rays.npy");
+    let ray = |i: u32| {
+        let [x, y] = [(i % 331) as f32 / 331.0 - 0.5, (i / 331) as f32 / 331.0 - 0.5];
+        [20.0 * x, 8.0, 20.0 * y, 0.0, 0.3 * y, -1.0, x * y, f32::INFINITY]
+    };
+    fs::write(&rays, npy(&(0..100_000).map(ray).collect::<Vec<_>>())).expect("a file");
+    let trace = |mut command: Command, name: &str| {
+        let [hits, counts] = ["hits", "counts"].map(|what| dir.path().join(format!("{name}-{what}.npy")));
+        command.args(["trace", "yard", "--devices", "cpu:1", "--rays"]).arg(&rays);
+        succeeded(command.arg("--hits").arg(&hits).arg("--counts").arg(&counts));
+        [hits, counts].map(|file| fs::read(file).expect("a file"))
+    };
+    let alone = trace(Command::new(PROGRAM), "alone");
+    for ranks in [2, 3] {
+        let mut command = mpirun(ranks);
+        command.arg(PROGRAM);
+        assert!(trace(command, &ranks.to_string()) == alone, "other hits with {ranks} ranks");
+    }
+}
+
+/// Fails when a rank that would render something else is dealt tiles, or says not who it is.
+#[test]
+fn a_rank_with_other_options_is_refused_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut run = mpirun(1);
+    run.arg(PROGRAM).args(PICTURE).arg("--out").arg(dir.path());
+    run.args([":", "-np", "1", PROGRAM]).args(PICTURE.map(|word| if word == "5" { "6" } else { word }));
+    let run = run.arg("--out").arg(dir.path()).output().expect("the launcher starts");
+    let error = String::from_utf8_lossy(&run.stderr);
+    assert!(!run.status.success(), "{error}");
+    assert!(error.contains("rank 1 on ") && error.contains("same files on all nodes"), "{error}");
+}
+
+#[test]
+fn a_rank_without_the_file_says_so_by_name() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let scene = dir.path().join("scene.obj");
+    fs::write(&scene, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("a file");
+    let render = ["--size", "64x64", "--devices", "cpu:1", "--out"];
+    let mut run = mpirun(1);
+    run.arg(PROGRAM).arg("render").arg(&scene).args(render).arg(dir.path());
+    run.args([":", "-np", "1", PROGRAM, "render", "elsewhere.obj"]).args(render).arg(dir.path());
+    let run = run.output().expect("the launcher starts");
+    let error = String::from_utf8_lossy(&run.stderr);
+    assert!(!run.status.success(), "{error}");
+    assert!(error.contains("rank 1 on ") && error.contains("elsewhere.obj"), "{error}");
+}

@@ -1,0 +1,19 @@
+//! Pictures: camera, shadow and diffuse streams traced over the devices of a process, shaded, and gathered on a
+//! [`Film`].
+//!
+//! A [`Renderer`] knows what stays the same over all frames, a [`Session`] the devices that trace. A part of a picture
+//! ([`rt_scene::streams::Wave`]) is rendered to the sums of its own pixels, so that it does not matter which process
+//! did it: [`tiles`] deals the parts to several.
+#![forbid(unsafe_code)]
+
+mod error;
+mod film;
+mod light;
+pub mod memory;
+mod renderer;
+pub mod tiles;
+
+pub use error::RenderError;
+pub use film::Film;
+pub use light::Light;
+pub use renderer::{Part, Renderer, Session, TaskCut};

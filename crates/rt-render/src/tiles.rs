@@ -1,0 +1,154 @@
+//! Pictures dealt to several processes: each renders tiles, and one gathers their pixels.
+//!
+//! A tile is a part of the Z-curve through the picture, with all samples and bounces of its pixels. So rays that follow
+//! from others stay where those are, only pixels travel, and a pixel's sum is added up in one place, in the order it
+//! always has: the picture is the same bits however many processes there are. Samples of one pixel are never split,
+//! since sums of floats depend on their order.
+
+use crate::{Part, RenderError, Renderer, Session};
+use glam::Vec3;
+use rt_bvh::Stack;
+use rt_cluster::Job;
+use rt_core::StreamSpec;
+use rt_scene::streams::{PathStream, Paths, Wave, Waves};
+use std::hash::{DefaultHasher, Hash, Hasher};
+
+/// Bytes of a pixel that travels: three sums in single precision.
+pub const BYTES_PER_PIXEL: usize = 12;
+
+/// Tiles of each process, where the picture is large enough: the most expensive come first, so what is left over in the
+/// end is a small part of one.
+const PER_RANK: u64 = 64;
+
+/// Least paths of a tile: each is some streams of its own, and what a stream costs beside its rays should not count.
+const LEAST_PATHS: u64 = 1 << 12;
+
+/// Paths of a tile that are walked for its price.
+const SAMPLES: u64 = 16;
+
+/// What making a ray and shading its hit costs, in box and triangle tests.
+const TESTS_PER_RAY: u64 = 16;
+
+/// Cuts a picture into tiles for `ranks` processes, none larger than a wave.
+#[must_use]
+pub fn cut(waves: Waves, samples: u32, ranks: u32) -> Waves {
+    let most = waves.pixels() * u64::from(samples.max(1)) / LEAST_PATHS;
+    waves.split((PER_RANK * u64::from(ranks)).min(most))
+}
+
+/// The tiles of one frame, as a process renders them.
+#[derive(Debug)]
+pub struct FrameTiles<'a, 's> {
+    /// What stays the same over all frames.
+    pub renderer: &'a Renderer<'a>,
+    /// The devices of this process.
+    pub session: &'a mut Session<'s>,
+    /// The paths of the frame.
+    pub paths: &'a Paths,
+    /// Number of the frame.
+    pub frame: u32,
+    /// The cut.
+    pub tiles: Waves,
+}
+
+impl Job for FrameTiles<'_, '_> {
+    type Error = RenderError;
+
+    fn price(&mut self, tile: u32) -> f32 {
+        price(self.renderer, self.paths, &self.tiles.wave(tile.into()))
+    }
+
+    fn compute(&mut self, tile: u32) -> Result<Vec<u8>, RenderError> {
+        let wave = self.tiles.wave(tile.into());
+        let part = Part { paths: self.paths, frame: self.frame, number: tile, wave: &wave };
+        Ok(pack(&self.renderer.wave(self.session, part)?))
+    }
+}
+
+/// Of a scene's tree, triangles and colours. Takes linear time.
+///
+/// Like [`fingerprint`] it is made by the standard library's hash, and so differs between programs of different
+/// compilers, too.
+#[must_use]
+pub fn fingerprint_of_scene(renderer: &Renderer<'_>) -> u64 {
+    let mut hash = DefaultHasher::new();
+    let scene = renderer.surfaces.scene();
+    hash.write(bytemuck::cast_slice(scene.nodes()));
+    hash.write(bytemuck::cast_slice(scene.triangles()));
+    for slot in 0..scene.primitives().len() {
+        hash.write_u32(scene.primitives().get(slot));
+    }
+    for primitive in 0..scene.primitive_count() {
+        hash.write(bytemuck::bytes_of(&renderer.colours.of(primitive)));
+    }
+    hash.finish()
+}
+
+/// Of everything that decides what the pixels of a tile are, the scene's fingerprint among it: processes whose numbers
+/// differ render different pictures.
+#[must_use]
+pub fn fingerprint(scene: u64, renderer: &Renderer<'_>, paths: &Paths, tiles: &Waves) -> u64 {
+    let mut hash = DefaultHasher::new();
+    let Paths { camera, size, samples, seed, sun, .. } = paths;
+    let (bounces, precision, light) = (renderer.bounces, renderer.precision, renderer.light);
+    let version = env!("CARGO_PKG_VERSION");
+    // Floats are written so that they can be read back to the bit.
+    format!(
+        "{version} {scene} {camera:?} {size:?} {samples} {seed} {sun:?} {bounces} {precision:?} {light:?} {tiles:?}"
+    )
+    .hash(&mut hash);
+    hash.finish()
+}
+
+/// Tests of a few paths of a tile, with what else their rays cost, for all of its paths.
+fn price(renderer: &Renderer<'_>, paths: &Paths, wave: &Wave) -> f32 {
+    let _environment = rt_fenv::Environment::enter();
+    let pixels = wave.pixels.len() as u64;
+    let count = SAMPLES.min(pixels);
+    let picked = (0..count).map(|sample| wave.pixels[((2 * sample + 1) * pixels / (2 * count)) as usize]).collect();
+    // Their random numbers are not those of the picture, but as good for this.
+    let picked = Wave { first: wave.first, pixels: picked };
+    let paths = Paths { samples: 1, ..paths.clone() };
+    let mut tests = 0_u64;
+    let mut trace = |stream: &PathStream| {
+        let scene = renderer.surfaces.scene();
+        let spec = StreamSpec { counts: true, ..stream.spec(renderer.precision) };
+        let rays = (0..stream.source.len()).map(|ray| stream.source.ray(ray));
+        let mut hits = Vec::with_capacity(stream.source.len() as usize);
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, counts| {
+            tests += u64::from(counts.boxes) + u64::from(counts.triangles) + TESTS_PER_RAY;
+            hits.push(hit);
+        });
+        hits
+    };
+    let mut front = paths.primary(&picked);
+    for bounce in 0..=renderer.bounces {
+        let hits = trace(&front);
+        if bounce == renderer.bounces {
+            trace(&paths.end(&front, &hits));
+            break;
+        }
+        let [shadow, diffuse] = paths.follow(&front, &hits);
+        trace(&shadow);
+        front = diffuse;
+    }
+    tests as f32 * pixels as f32 / count.max(1) as f32
+}
+
+/// The sums of a tile's pixels as bytes.
+fn pack(sums: &[Vec3]) -> Vec<u8> {
+    sums.iter().flat_map(|sum| sum.to_array()).flat_map(f32::to_le_bytes).collect()
+}
+
+/// The sums of a tile's pixels.
+///
+/// # Errors
+/// When these are not the bytes of `pixels` pixels.
+pub fn unpack(tile: u32, pixels: usize, bytes: &[u8]) -> Result<Vec<Vec3>, RenderError> {
+    let expected = pixels * BYTES_PER_PIXEL;
+    if bytes.len() != expected {
+        return Err(RenderError::Tile { tile, found: bytes.len(), expected });
+    }
+    let floats = bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect::<Vec<_>>();
+    Ok(floats.as_chunks::<3>().0.iter().map(|sum| Vec3::from_array(*sum)).collect())
+}

@@ -1,0 +1,162 @@
+//! Pictures that several ranks render together are those that one process renders.
+
+use glam::Vec3;
+use rt_balance::cpu::CpuDevice;
+use rt_balance::{Balancer, Device, Scheduling};
+use rt_bvh::Builder;
+use rt_cluster::local::{LocalRank, Weather, network};
+use rt_cluster::{ClusterError, Deal, Dealt, Finished, Patience, deal};
+use rt_core::bounce::Surfaces;
+use rt_render::tiles::{FrameTiles, cut, fingerprint, fingerprint_of_scene, unpack};
+use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
+use rt_scene::prepare::{Options, Prepared, prepare};
+use rt_scene::streams::{Paths, Waves};
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
+
+const SIZE: [u32; 2] = [150, 97];
+
+const SAMPLES: u32 = 2;
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+/// The built-in garden, seen as always.
+fn garden() -> (Renderer<'static>, Paths) {
+    let options = Options::new(Builder::default());
+    let prepared = prepare(Path::new("yard"), &options, &mut |_| ControlFlow::Continue(())).expect("a built-in scene");
+    let view = prepared.view();
+    let Prepared { model, built, precision, .. } = prepared;
+    let renderer = Renderer {
+        light: Light::new(&view, model.bounds().extent().length()),
+        colours: model.into_colours(),
+        surfaces: Arc::new(Surfaces::new(built.scene)),
+        size: SIZE,
+        samples: SAMPLES,
+        bounces: 1,
+        precision,
+        cut: TaskCut::Size(1024),
+        seed: 5,
+        reference: false,
+        cancel: &NEVER,
+    };
+    let paths = renderer.paths(view.camera().expect("a camera"), 0);
+    (renderer, paths)
+}
+
+fn with_session<T>(renderer: &Renderer<'_>, work: impl FnOnce(&mut Session<'_>) -> T) -> T {
+    let devices = CpuDevice::open_all(&[1]).expect("a processor").into_iter();
+    let devices: Vec<Arc<dyn Device>> = devices.map(|device| Arc::new(device) as _).collect();
+    let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices).expect("a processor takes it");
+    let mut session = Session { balancer, scheduling: Scheduling::default(), runs: Vec::new(), show: &|_, _| {} };
+    work(&mut session)
+}
+
+fn waves() -> Waves {
+    Waves::new(SIZE, SAMPLES, 1, u64::MAX).expect("a size")
+}
+
+/// Of one process, in one wave.
+fn alone(renderer: &Renderer<'_>, paths: &Paths) -> Film {
+    let mut film = Film::new(SIZE, SAMPLES).expect("memory");
+    with_session(renderer, |session| {
+        for (number, wave) in (0..).zip(waves().iter()) {
+            let part = Part { paths, frame: 0, number, wave: &wave };
+            film.take(&wave.pixels, &renderer.wave(session, part).expect("a wave"));
+        }
+    });
+    film
+}
+
+type Ended = Result<Dealt, ClusterError>;
+
+/// Of several ranks, the film of rank 0.
+fn together(renderer: &Renderer<'_>, paths: &Paths, ranks: Vec<LocalRank>) -> (Film, Vec<Ended>) {
+    let tiles = cut(waves(), SAMPLES, ranks.len() as u32);
+    assert!(tiles.count() > 5, "{tiles:?}");
+    let patience =
+        Patience { heartbeat: Duration::from_millis(50), rank: Duration::from_millis(500), ..Patience::default() };
+    let about = Deal {
+        patience,
+        ..Deal::new(tiles.count() as u32, fingerprint(fingerprint_of_scene(renderer), renderer, paths, &tiles))
+    };
+    let mut film = Film::new(SIZE, SAMPLES).expect("memory");
+    let run = |mut rank: LocalRank, film: &mut Film| {
+        with_session(renderer, |session| {
+            let mut job = FrameTiles { renderer, session, paths, frame: 0, tiles };
+            let mut take = |Finished { tile, bytes, .. }: Finished<'_>| {
+                let pixels = tiles.wave(tile.into()).pixels;
+                film.take(&pixels, &unpack(tile, pixels.len(), bytes).expect("its pixels"));
+                Ok(())
+            };
+            deal(&mut rank, &about, &mut job, &mut take)
+        })
+    };
+    let mut ranks = ranks.into_iter();
+    let own = ranks.next().expect("rank 0");
+    let ended = thread::scope(|threads| {
+        let run = &run;
+        let start = |rank| threads.spawn(move || run(rank, &mut Film::new([1, 1], 1).expect("memory")));
+        let others: Vec<_> = ranks.map(start).collect();
+        let own = run(own, &mut film);
+        let others = others.into_iter().map(|rank| rank.join().expect("no panic"));
+        std::iter::once(own).chain(others).collect()
+    });
+    (film, ended)
+}
+
+fn bits(film: &Film) -> Vec<[u32; 3]> {
+    film.sums().iter().map(|sum| sum.to_array().map(f32::to_bits)).collect()
+}
+
+/// Fails when random numbers go by the place in a tile, when pixels of tiles are swapped, or when tiles leave some out.
+#[test]
+fn the_picture_is_the_same_for_any_number_of_ranks() {
+    let (renderer, paths) = garden();
+    let whole = alone(&renderer, &paths);
+    assert!(whole.sums().iter().all(|&sum| sum != Vec3::ZERO), "there is light everywhere in the garden");
+    for ranks in 1..=4 {
+        let weather = Weather { seed: ranks, delay: Duration::from_millis(3) };
+        let (film, ended) = together(&renderer, &paths, network(ranks, weather));
+        assert!(bits(&film) == bits(&whole), "another picture with {ranks} ranks");
+        assert!(ended.iter().all(Result::is_ok), "{ended:?}");
+    }
+}
+
+/// Fails when the tiles of a lost rank are forgotten, or counted twice.
+#[test]
+fn the_picture_is_the_same_when_ranks_are_lost() {
+    let (renderer, paths) = garden();
+    let whole = alone(&renderer, &paths);
+    let ranks = network(3, Weather::CALM).into_iter();
+    let ranks = ranks.enumerate().map(|(number, rank)| match number {
+        0 => rank,
+        // In the middle of its work, and before it has done anything.
+        1 => rank.dying_after(6),
+        _ => rank.dying_after(2),
+    });
+    let (film, ended) = together(&renderer, &paths, ranks.collect());
+    assert!(bits(&film) == bits(&whole), "another picture");
+    let report = ended[0].as_ref().expect("all tiles").report.as_ref().expect("a report of rank 0");
+    assert_eq!(report.ranks.iter().map(|rank| rank.tiles).sum::<u32>(), report.tiles);
+}
+
+/// Fails when ranks that would render another picture are not told apart.
+#[test]
+fn other_pictures_have_other_fingerprints() {
+    let (renderer, paths) = garden();
+    let tiles = cut(waves(), SAMPLES, 2);
+    let of = |renderer: &Renderer<'_>, paths: &Paths, tiles: &Waves| {
+        fingerprint(fingerprint_of_scene(renderer), renderer, paths, tiles)
+    };
+    let first = of(&renderer, &paths, &tiles);
+    assert_eq!(first, of(&renderer, &paths, &tiles));
+    assert_ne!(first, of(&renderer, &Paths { seed: 6, ..paths.clone() }, &tiles));
+    assert_ne!(first, of(&renderer, &paths, &tiles.split(tiles.count() + 1)));
+    let (mut other, paths) = garden();
+    other.bounces = 2;
+    assert_ne!(first, of(&other, &paths, &tiles));
+}
