@@ -94,6 +94,25 @@ fn bytes(hits: &[Hit]) -> Vec<[u32; 4]> {
     hits.iter().map(|h| [h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.primitive]).collect()
 }
 
+/// Mutants: streams without an estimate that teach no prices; a past that is kept of estimates only.
+#[test]
+fn every_stream_teaches_the_next() {
+    let mut balancer = Balancer::new(Arc::clone(&fixture().scene), &cpus(&[1, 1])).expect("devices");
+    let mut default = Scheduling::default();
+    let chosen: Vec<String> = (0..2)
+        .map(|_| {
+            let estimate = trace_and_check("default", &mut balancer, &mut default).report.estimate;
+            assert!(estimate.reason.is_some(), "it has a choice: {estimate:?}");
+            estimate.chosen
+        })
+        .collect();
+    assert!(chosen[0] != "history" && chosen[1] == "history", "{chosen:?}");
+    let mut uniform = scheduling(QueueKind::Static, Box::new(Uniform));
+    let run = trace_and_check("uniform", &mut balancer, &mut uniform);
+    assert_eq!(run.report.estimate.reason, None);
+    assert!(run.report.devices.iter().all(|device| device.model.is_some()), "{:?}", run.report.devices);
+}
+
 // Guards against: a task handed out twice or never, results copied to another task's place, hits of masked rays
 // overwritten by the misses that stand for them.
 #[test]

@@ -4,7 +4,7 @@ use crate::device_state::{DeviceState, all_lost, ask_all, dismiss, settle};
 use crate::device_thread::Call;
 use crate::estimate::{Estimate, Estimated, estimate};
 use crate::measure::{Times, learn_launches, learn_walks, measure};
-use crate::models::{Key, uninformed_excess};
+use crate::models::{Key, regime};
 use crate::output::Output;
 use crate::plan::plan_of;
 use crate::report::StreamRun;
@@ -127,7 +127,7 @@ impl Balancer {
     /// As for [`Balancer::trace`].
     pub fn trace_shared(&mut self, rays: Arc<[Ray]>, hits: &mut [Hit]) -> Result<StreamRun, BalanceError> {
         let source = RaySource::Explicit { rays, origins: None };
-        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
+        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default()).with_tasks_for(self.members.len());
         let mut scheduling = std::mem::take(&mut self.scheduling);
         let run = self.trace(&stream, &mut scheduling, hits, None, Control::default());
         self.scheduling = scheduling;
@@ -249,7 +249,7 @@ impl Balancer {
 
         teach(
             &mut *scheduling.estimator,
-            stream.view(plan.workers.len(), estimated.uninformed_excess),
+            stream.view(plan.workers.len(), estimated.uninformed_excess, estimated.moves),
             &estimated,
             &ran,
         );
@@ -275,8 +275,9 @@ impl Balancer {
         let begin = clock::now();
         self.load(stream, &limits, scheduling.audit, control).map_err(untouched)?;
         let loaded = clock::now();
-        let expected = || uninformed_excess(&self.members, &*scheduling.queue, tasks);
-        let uninformed = scheduling.uninformed_excess.unwrap_or_else(expected);
+        let regime = regime(&self.members, stream);
+        let expected = || scheduling.queue.uninformed_excess(&regime);
+        let uninformed = (scheduling.uninformed_excess.unwrap_or_else(expected), scheduling.queue.moves(&regime));
         let estimator = &mut *scheduling.estimator;
         let estimated = estimate(&mut self.members, stream, estimator, uninformed, output, &limits, control);
         let estimated = estimated.map_err(untouched)?;
@@ -346,7 +347,7 @@ impl Balancer {
 /// A stream that is with the devices, its cost estimated.
 struct Begun {
     estimated: Estimated,
-    key: Option<Key>,
+    key: Key,
     /// On the clock: before what streams like this need once, before the rays went to the devices, and after.
     setup: Duration,
     begin: Duration,

@@ -6,7 +6,7 @@
 use crate::QueueKind;
 use rt_core::{CostEstimator, ReducedWalk, Walk};
 use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
-use rt_sched::policy::{Block, Lpt, Policy, RoundRobin};
+use rt_sched::policy::{Block, Lpt, PermutedRegions, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
 use std::error::Error;
 use std::fmt;
@@ -36,16 +36,14 @@ pub enum Make {
     Sampling(fn(Fraction) -> Box<dyn CostEstimator>, Fraction),
     /// It takes the share of the rays that it samples at first, and goes on by itself; the second is the usual one.
     Beginning(fn(Fraction) -> Box<dyn CostEstimator>, Fraction),
-    /// It takes the share of the trace, from 0 to 1, that it may spend; the second is the usual one.
-    Spending(fn(f64) -> Box<dyn CostEstimator>, f64),
 }
 
 /// Every estimator, the default one first.
 pub const ESTIMATORS: &[Entry<Make>] = &[
     entry(
         "auto",
-        "Whichever of exact, field and history predicted such streams best, within a budget",
-        Make::Spending(|budget| Box::new(Auto::new(budget)), Auto::BUDGET),
+        "The measured past; without one, samples where they win more than they cost, else nothing",
+        Make::Plain(|| Box::<Auto>::default()),
     ),
     entry("uniform", "All rays cost the same", Make::Plain(|| Box::new(Uniform))),
     entry(
@@ -101,6 +99,11 @@ pub const POLICIES: &[Entry<MakePolicy>] = &[
     entry("lpt", "Most expensive remaining task to the device that would finish it first", || Box::new(Lpt)),
     entry("block", "Contiguous blocks of tasks", || Box::new(Block)),
     entry("round-robin", "Tasks in turn", || Box::new(RoundRobin)),
+    entry(
+        "permuted-regions",
+        "Tasks in bit-reversed order, contiguous shares by speed (van Antwerpen, Seibert, Keller 2019)",
+        || Box::new(PermutedRegions),
+    ),
 ];
 
 /// Every queue, the default one first.
@@ -128,7 +131,6 @@ impl Entry<Make> {
             Make::Sampling(make, fraction) | Make::Beginning(make, fraction) => {
                 Arc::new(move || make(fraction)) as Maker
             }
-            Make::Spending(make, budget) => Arc::new(move || make(budget)) as Maker,
         };
         Estimator { label: self.name.to_owned(), make }
     }
@@ -140,20 +142,12 @@ impl Entry<Make> {
         Some(Estimator { label: labelled(self.name, fraction.value()), make: Arc::new(move || make(fraction)) })
     }
 
-    /// The estimator that spends at most this share of the trace; `None` if it takes none.
-    #[must_use]
-    pub fn spending(&'static self, budget: f64) -> Option<Estimator> {
-        let Make::Spending(make, _) = self.make else { return None };
-        Some(Estimator { label: labelled(self.name, budget), make: Arc::new(move || make(budget)) })
-    }
-
     /// The estimator with a share of whatever it takes; `None` if it takes none, or not this one.
     #[must_use]
     pub fn with(&'static self, share: f64) -> Option<Estimator> {
         match self.make {
             Make::Plain(_) => None,
             Make::Sampling(..) | Make::Beginning(..) => self.sampling(Fraction::new(share)?),
-            Make::Spending(..) => (0.0..=1.0).contains(&share).then(|| self.spending(share)).flatten(),
         }
     }
 
@@ -272,13 +266,13 @@ mod tests {
         assert_eq!(default.queue.name(), QUEUES[0].name);
     }
 
-    /// Mutants: a share that is read upside down; a budget above 1 taken.
+    /// Mutants: a share that is read upside down; one that is given to an estimator that takes none.
     #[test]
     fn texts_are_read_as_they_are_written() {
-        for text in ["auto", "uniform", "exact 1/64", "reduced-plane 1/1", "auto 0.3"] {
+        for text in ["auto", "uniform", "exact 1/64", "reduced-plane 1/1", "exact 0.3"] {
             assert_eq!(text.parse::<Estimator>().unwrap().label(), text);
         }
-        for bad in ["", "exakt", "uniform 1/2", "exact 2", "exact 1/0", "auto 2", "exact x"] {
+        for bad in ["", "exakt", "uniform 1/2", "exact 2", "exact 1/0", "auto 1/2", "exact x"] {
             let message = bad.parse::<Estimator>().unwrap_err().to_string();
             assert!(message.contains(&format!("`{bad}`")) && message.contains("field"), "{message}");
         }

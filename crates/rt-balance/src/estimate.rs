@@ -38,6 +38,8 @@ pub(crate) struct Estimated {
     pub(crate) walks: Vec<WalkDone>,
     /// What was expected to be lost without it.
     pub(crate) uninformed_excess: f64,
+    /// Whether the queue moves tasks when it turns out what they cost.
+    pub(crate) moves: bool,
     /// Wall seconds that it took.
     pub(crate) seconds: f64,
 }
@@ -65,7 +67,7 @@ pub(crate) fn estimate(
     members: &mut [DeviceState],
     stream: &Stream,
     estimator: &mut dyn CostEstimator,
-    uninformed_excess: f64,
+    (uninformed_excess, moves): (f64, bool),
     output: &mut Output<'_>,
     limits: &Limits,
     control: Control<'_>,
@@ -80,12 +82,14 @@ pub(crate) fn estimate(
         if control.is_cancelled() {
             return Err(cancelled());
         }
-        match estimator.next(stream.view(devices, uninformed_excess), Observation { rays: &rays, counts: &counts }) {
+        match estimator
+            .next(stream.view(devices, uninformed_excess, moves), Observation { rays: &rays, counts: &counts })
+        {
             Step::Done(work) => {
                 check_work(estimator, stream, &work)?;
                 let seconds = clock::now().saturating_sub(begin).as_secs_f64();
                 let kept = kept.map(Arc::new);
-                return Ok(Estimated { work, kept, finders, walked, walks, uninformed_excess, seconds });
+                return Ok(Estimated { work, kept, finders, walked, walks, uninformed_excess, moves, seconds });
             }
             Step::Sample { rays: wanted, walk } => {
                 check_sample(estimator, stream, &wanted)?;

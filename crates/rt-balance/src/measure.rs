@@ -55,7 +55,7 @@ pub(crate) fn measure(
         .iter()
         .enumerate()
         .map(|(index, member)| DeviceReport {
-            model: key.and_then(|key| member.models.fit(key)).map(ModelReport::from),
+            model: member.models.fit(key).map(ModelReport::from),
             ..device_report(index, member, &activities, estimated, ran)
         })
         .collect();
@@ -70,6 +70,7 @@ pub(crate) fn measure(
         estimate: EstimateReport {
             estimator: scheduling.estimator.name().to_owned(),
             chosen: scheduling.estimator.chosen().to_owned(),
+            reason: scheduling.estimator.reason(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
             uninformed_excess: estimated.uninformed_excess,
             seconds: estimate_s,
@@ -102,16 +103,14 @@ pub(crate) fn measure(
 }
 
 /// Adds the estimation's walks to the cost models: before the first launch they are all that is known of speeds.
-pub(crate) fn learn_walks(members: &mut [DeviceState], key: Option<Key>, estimated: &Estimated) {
-    let Some(key) = key else { return };
+pub(crate) fn learn_walks(members: &mut [DeviceState], key: Key, estimated: &Estimated) {
     for walk in &estimated.walks {
         members[walk.member].models.walked(key, walk);
     }
 }
 
 /// Adds every launch to the cost models.
-pub(crate) fn learn_launches(members: &mut [DeviceState], key: Option<Key>, plan: &Plan, ran: &Ran) {
-    let Some(key) = key else { return };
+pub(crate) fn learn_launches(members: &mut [DeviceState], key: Key, plan: &Plan, ran: &Ran) {
     for launch in ran.launches.iter().filter(|launch| launch.whole) {
         let left = |task: TaskId| &plan.left[task as usize];
         members[launch.member].models.launched(key, launch, left);

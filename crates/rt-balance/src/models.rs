@@ -5,8 +5,8 @@ use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
 use rt_core::{Coherence, CostEstimator, CostModel, CountsToken, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Fit, Measured};
-use rt_sched::queue::QueueMaker;
-use rt_sched::uninformed;
+use rt_sched::estimate::Uniform;
+use rt_sched::uninformed::Regime;
 use std::collections::BTreeMap;
 
 /// The measurements of one device.
@@ -29,20 +29,25 @@ pub(crate) struct Key {
 }
 
 impl Key {
-    /// The key of a stream.
-    fn new(estimator: &dyn CostEstimator, stream: &Stream) -> Self {
+    /// The key of a stream whose estimate has such counts.
+    fn new(counts: CountsToken, stream: &Stream) -> Self {
         let class = match stream.kind {
             StreamKind::Primary => 0,
             StreamKind::Shadow(_) => 1,
             StreamKind::Diffuse(_) => 2,
             _ => 3,
         };
-        Self { counts: estimator.counts(), class, coherence: stream.spec.coherence }
+        Self { counts, class, coherence: stream.spec.coherence }
     }
 
-    /// The key of a stream after its estimate; `None` when that does not count tests.
-    pub(crate) fn of(estimator: &dyn CostEstimator, stream: &Stream) -> Option<Self> {
-        estimator.counts_tests().then(|| Self::new(estimator, stream))
+    /// The key of a stream after its estimate.
+    pub(crate) fn of(estimator: &dyn CostEstimator, stream: &Stream) -> Self {
+        Self::new(estimator.counts(), stream)
+    }
+
+    /// The key of a stream of which nothing but its rays is known.
+    fn of_rays(stream: &Stream) -> Self {
+        Self::new(Uniform.counts(), stream)
     }
 }
 
@@ -55,14 +60,15 @@ impl Models {
             triangles: walk.triangles as f64,
             // Samples are not neighbours.
             divergence: 0.0,
-            seconds: walk.span.duration().as_secs_f64(),
+            seconds: walk.span.busy().as_secs_f64(),
         });
     }
 
     /// Adds a launch; `left` is the work that it was predicted to be.
     pub(crate) fn launched<'a>(&mut self, key: Key, launch: &LaunchDone, left: impl Fn(TaskId) -> &'a Work) {
         let calibration = self.launches.entry(key).or_default();
-        let seconds = launch.span.duration().as_secs_f64();
+        // What the host does for a launch is hidden by the one before, and no price of the device.
+        let seconds = launch.span.busy().as_secs_f64();
         if launch.per_task {
             let mut inside = 0.0;
             for outcome in &launch.outcomes {
@@ -98,49 +104,37 @@ impl Models {
 /// unbalance a static schedule by half of it. Real differences below this are left to the queue.
 const ALIKE: f64 = 1.15;
 
-/// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else one for
-/// all. Models from different sources must not meet in one schedule, since walks are more expensive than launches.
-pub(crate) fn models_for(
-    members: &[DeviceState],
-    workers: &[usize],
-    key: Option<Key>,
-    work: &[Work],
-) -> Vec<CostModel> {
-    let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<Calibration>> {
-        workers.iter().map(|&worker| calibrations(&members[worker].models).get(&key?).copied()).collect()
+/// The cost model of each worker for `work`: from launches where every worker has some, else from walks, else from
+/// launches of other kinds with the same counts, by which at least speeds are known; else one for all. Models from
+/// different sources must not meet in one schedule, since walks are more expensive than launches.
+pub(crate) fn models_for(members: &[DeviceState], workers: &[usize], key: Key, work: &[Work]) -> Vec<CostModel> {
+    let of = |calibrations: fn(&Models) -> &BTreeMap<Key, Calibration>, key: Key| {
+        let all = workers.iter().map(|&worker| calibrations(&members[worker].models).get(&key).copied());
+        fitted(&all.collect::<Option<Vec<Calibration>>>()?, work)
     };
-    let launches = of(|models| &models.launches).and_then(|calibrations| fitted(&calibrations, work));
-    let walks = || of(|models| &models.walks).and_then(|calibrations| fitted(&calibrations, work));
-    launches.or_else(walks).unwrap_or_else(|| vec![CostModel::default(); workers.len()])
+    let launches = |key| of(|models| &models.launches, key);
+    let elsewhere = || {
+        let keys = members[*workers.first()?].models.launches.keys();
+        keys.filter(|other| other.counts == key.counts).find_map(|&other| launches(other))
+    };
+    let found = launches(key).or_else(|| of(|models| &models.walks, key)).or_else(elsewhere);
+    found.unwrap_or_else(|| vec![CostModel::default(); workers.len()])
 }
 
-/// By what devices of which nothing is known are assumed to lose more than equal ones: the most that
-/// [`uninformed::unequal`] says of any.
-const UNKNOWN: f64 = 2.5;
-
-/// What a stream is expected to lose without an estimate, as a share of its makespan.
-pub(crate) fn uninformed_excess(members: &[DeviceState], queue: &dyn QueueMaker, tasks: usize) -> f64 {
+/// What is known of a run of `stream` before anything is estimated.
+pub(crate) fn regime(members: &[DeviceState], stream: &Stream) -> Regime {
     let workers: Vec<usize> = (0..members.len()).filter(|&i| members[i].is_ready()).collect();
-    let speeds = if workers.len() > 1 { speeds(members, &workers) } else { Some(vec![1.0]) };
-    queue.uninformed_excess(tasks, workers.len(), speeds.map_or(UNKNOWN, |speeds| uninformed::unequal(&speeds)))
-}
-
-/// How fast the devices were found by what all of them have measured most of, launches before walks; equal where
-/// differences are no more than chance.
-fn speeds(members: &[DeviceState], workers: &[usize]) -> Option<Vec<f64>> {
-    // Rays of some depth. Which prices differ matters little.
-    let work = [Work::new(1.0, 50.0, 10.0)];
-    let found = |of: fn(&Models) -> &BTreeMap<Key, Calibration>| -> Option<Vec<f64>> {
-        let of_all = |key: &Key| -> Option<Vec<Calibration>> {
-            workers.iter().map(|&worker| of(&members[worker].models).get(key).copied()).collect()
-        };
-        let weight = |all: &[Calibration]| all.iter().map(Calibration::weight).fold(f64::INFINITY, f64::min);
-        let measured = of(&members[*workers.first()?].models).keys().filter_map(of_all);
-        let most = measured.max_by(|a, b| weight(a).total_cmp(&weight(b)))?;
-        let models = fitted(&most, &work)?;
-        Some(models.iter().map(|model| 1.0 / model.seconds(&work[0])).collect())
-    };
-    found(|models| &models.launches).or_else(|| found(|models| &models.walks))
+    // As if every ray were a task: what it takes is the price of a test.
+    let work = [Work::new(0.0, stream.source.len() as f32, 0.0)];
+    let models = models_for(members, &workers, Key::of_rays(stream), &work);
+    // Of each device its launch in its part of the stream; those with much of the stream count for as much.
+    let launch = models.iter().map(|model| model.per_launch() / model.seconds(&work[0])).filter(|x| x.is_finite());
+    Regime {
+        tasks: stream.tasks.len(),
+        devices: workers.len(),
+        are_speeds_known: models.iter().any(|model| *model != CostModel::UNIT),
+        launch: launch.sum(),
+    }
 }
 
 /// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.

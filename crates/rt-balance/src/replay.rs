@@ -1,15 +1,16 @@
 //! Virtual devices driven by task times that were measured on a real one.
 //!
 //! The queues and policies are those of real runs, on the virtual clock of [`rt_sched::simulate`]. What is taken from
-//! measurement: each task's own time, what a launch costs beside its tasks, and the walks and the planning of an
-//! estimation. What is assumed: that devices do not slow each other down, and share the walks of the estimation evenly.
+//! measurement: each task's own time, what a launch costs the device beside its tasks, and the walks and the planning
+//! of an estimation. What is assumed: that devices do not slow each other down and share the walks of the estimation
+//! evenly, and that launches in flight hide what the host does for them, as on real devices.
 
 use crate::Scheduling;
 use crate::report::{ActivityKind, StreamRun};
 use rt_core::{CostModel, TaskId, Work};
 use rt_sched::bound;
 use rt_sched::policy::Lpt;
-use rt_sched::queue::{Dealt, Needs};
+use rt_sched::queue::Dealt;
 use rt_sched::simulate::Simulation;
 
 /// What a run with an estimate on one real device tells of the estimate.
@@ -23,8 +24,8 @@ pub struct Observed {
     pub walks_s: f64,
     /// The rest of the estimation: host seconds of choosing samples and planning.
     pub planning_s: f64,
-    /// Seconds of a launch beside its tasks: the least of all launches, since what other programs of the machine took
-    /// in between is no part of it.
+    /// Seconds of a launch on the device beside its tasks: the least of all launches, since what other programs of the
+    /// machine took in between is no part of it.
     pub launch_s: f64,
 }
 
@@ -59,7 +60,7 @@ pub struct Replay<'a> {
     pub speeds: &'a [f64],
     /// Seconds of each task, all its rays, on the measured device.
     pub task_s: &'a [f64],
-    /// Seconds of a launch beside its tasks.
+    /// Seconds of a launch on the device beside its tasks.
     pub launch_s: f64,
 }
 
@@ -94,13 +95,11 @@ impl Replay<'_> {
         // Of a policy that deals otherwise than it is asked, or is none for this queue, nothing is left.
         let policy = scheduling.policy().unwrap_or(&Lpt);
         let schedule = maker.deal(policy, work, models).unwrap_or_default();
-        // One launch in flight is the paper's central queue: a stop, and the launch's cost, for every task.
-        let in_flight = if maker.needs() == Needs::Order { 1 } else { 2 };
         let queue = maker.make(Dealt { schedule: &schedule, work, devices: models });
         let seconds = |device: usize, task: TaskId| {
             self.task_s[task as usize] * left(task) / self.speeds.get(device).copied().unwrap_or(1.0)
         };
-        let simulation = Simulation { launch_s: self.launch_s, in_flight, ..Simulation::default() };
+        let simulation = Simulation { launch_s: self.launch_s, hand_over_s: 0.0, ..Simulation::default() };
         simulation.run(&*queue, self.speeds.len(), &seconds).makespan_s
     }
 }
@@ -143,7 +142,7 @@ mod tests {
         assert_eq!(fast.lower_bound(), 2.0);
     }
 
-    /// Mutants: two launches in flight for the central queue; blocks dealt in turn.
+    /// Mutants: launches that cost nothing on the device; blocks dealt in turn.
     #[test]
     fn queues_differ_as_they_should() {
         let task_s = [3.0, 3.0, 1.0, 1.0];

@@ -42,10 +42,12 @@ pub struct EstimateReport {
     pub estimator: String,
     /// Name of the estimator that made this estimate: another where `estimator` chooses among several.
     pub chosen: String,
+    /// Why, with the numbers that decided; `None` where `estimator` has no choice.
+    pub reason: Option<String>,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
     /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can
-    /// gain. 1 before the devices are known to be equally fast.
+    /// gain. 1 for static lists before it is known how fast the devices are.
     pub uninformed_excess: f64,
     /// Wall seconds of estimating and planning.
     pub seconds: f64,

@@ -448,7 +448,7 @@ impl Run<'_> {
     fn outcomes(&self, worker: usize, flight: &Flight, launch: &Launch) -> Vec<TaskOutcome> {
         let tasks = &flight.tasks;
         let per_task = launch.task_seconds.len() == tasks.len();
-        let busy = launch.span.in_kernel.as_secs_f64();
+        let busy = launch.span.busy().as_secs_f64();
         let outcome = |(i, &task): (usize, &TaskId)| {
             let predicted_s = self.plan.seconds(worker, task);
             let measured_s = match launch.task_seconds.get(i) {

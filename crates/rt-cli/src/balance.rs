@@ -3,7 +3,7 @@
 use crate::args::{BalanceArgs, EstimateArgs};
 use anyhow::Result;
 use rt_balance::catalogue::{Estimator, Make};
-use rt_balance::{DEFAULT_TASK_SIZE, Limits, Scheduling};
+use rt_balance::{Limits, Scheduling};
 use rt_render::TaskCut;
 use rt_report::usage::{OrUsage, usage};
 use rt_sched::sample::Fraction;
@@ -24,16 +24,12 @@ impl EstimateArgs {
         if self.fraction.is_some() && !matches!(entry.make, Make::Sampling(..) | Make::Beginning(..)) {
             return unused("--fraction", "name one that samples so many rays, such as --estimator exact");
         }
-        if self.budget.is_some() && !matches!(entry.make, Make::Spending(..)) {
-            return unused("--budget", "it is for --estimator auto");
-        }
         if self.reduced.is_some() && entry.name != REDUCED {
             return unused("--reduced", "give --estimator reduced");
         }
         let entry = self.reduced.unwrap_or(entry);
         let chosen = match entry.make {
             Make::Plain(_) => None,
-            Make::Spending(..) => self.budget.and_then(|budget| entry.spending(budget)),
             Make::Sampling(..) | Make::Beginning(..) => {
                 self.fraction.and_then(Fraction::new).and_then(|fraction| entry.sampling(fraction))
             }
@@ -61,7 +57,8 @@ impl BalanceArgs {
     pub(crate) fn cut(&self) -> TaskCut {
         match (self.tasks, self.task_size) {
             (Some(tasks), _) => TaskCut::Count(tasks),
-            (None, size) => TaskCut::Size(size.unwrap_or(DEFAULT_TASK_SIZE)),
+            (None, Some(size)) => TaskCut::Size(size),
+            (None, None) => TaskCut::Suited,
         }
     }
 }

@@ -28,7 +28,7 @@ use std::process::ExitCode;
 #[must_use]
 pub fn main() -> ExitCode {
     interrupt::watch();
-    let exit = match Cli::try_parse() {
+    let exit = match Cli::try_parse_from(args::with_command(std::env::args_os().collect())) {
         Ok(cli) => end(run(cli)),
         // Help that was asked for is an output like any other.
         Err(help) if !help.use_stderr() => end(help.print().map_err(|error| StdoutError::wrap(error).into())),

@@ -8,7 +8,7 @@ use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{chart, html, interrupt, output, progress, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, Limits};
+use rt_balance::{Balancer, DEFAULT_TASK_SIZE, Limits};
 use rt_core::bounce::Surfaces;
 use rt_core::{Device, StreamKind};
 use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
@@ -32,7 +32,7 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let mut ranks = Ranks::join()?;
-    if ranks.size() == 1 {
+    if ranks.size() == 1 && args.checkpoint.is_none() {
         return alone(args);
     }
     let rendered = ranks::render::run(args, &mut ranks);
@@ -219,6 +219,8 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     // Primary rays, and for each bounce shadow and diffuse ones at most.
     let rays = pixels * u64::from(args.spp) * u64::from(2 * args.bounces + 2);
     let tasks = match args.balance.cut() {
+        // Smaller ones only where they are few.
+        TaskCut::Suited => rays / u64::from(DEFAULT_TASK_SIZE),
         TaskCut::Size(size) => rays / u64::from(size.max(1)),
         TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * args.bounces + 2),
     };
@@ -281,6 +283,9 @@ pub(crate) fn print_scene(report: &Report) -> Result<()> {
 
 fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
     print_scene(report)?;
+    if args.balance.explain {
+        write!(Stdout, "\n{}", table::reasons(runs))?;
+    }
     writeln!(Stdout, "\n{}", table::streams(runs))?;
     print_seconds(report)?;
     let out = args.out.display();

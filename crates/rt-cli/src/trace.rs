@@ -78,8 +78,8 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         }
     } else {
         let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let stream = Stream::new(source, StreamKind::Custom, spec);
-        let stream = Stream { seed: args.balance.seed, ..stream }.with_task_size(args.balance.cut().size(count));
+        let stream = args.balance.cut().of(Stream::new(source, StreamKind::Custom, spec), devices.len());
+        let stream = Stream { seed: args.balance.seed, ..stream };
         let show = progress::of_streams("tracing");
         let control = Control { progress: Some(&show), ..interrupt::control() };
         let run = balancer.trace(&stream, &mut scheduling, &mut hits, counts.as_deref_mut(), control);
@@ -120,6 +120,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         if report.is_none() {
+            if args.balance.explain {
+                write!(Stdout, "{}", table::reasons(&runs))?;
+            }
             write!(Stdout, "{}", table::streams(&runs))?;
         }
         let met = hits.iter().filter(|hit| hit.is_hit()).count();

@@ -1,6 +1,7 @@
 //! What tracing costs: device-independent work, a device's own seconds, and the estimator's seam.
 
 use crate::{Coherence, RaySource, Task, TaskId, TestCounts, Walk};
+use alloc::string::String;
 use alloc::vec::Vec;
 use core::any::TypeId;
 use core::fmt::{self, Debug};
@@ -151,7 +152,8 @@ impl CostModel {
         (per_divergence.is_finite() && per_divergence >= 0.0).then_some(self)
     }
 
-    /// Seconds that a launch costs before its first ray.
+    /// Seconds that every launch costs on the device beside its rays, while it ramps up and drains. Launches in flight
+    /// do not hide them, as they hide the host's hand-over.
     #[must_use]
     pub const fn per_launch(&self) -> f64 {
         self.per_launch
@@ -254,6 +256,9 @@ pub struct RayStream<'a> {
     /// What the makespan is expected to lose when nothing is estimated, as a share of it; 1 where devices may differ.
     /// An estimate that costs more does not pay.
     pub uninformed_excess: f64,
+    /// Whether the queue moves tasks when it turns out what they cost: not static lists, nor where launches cost the
+    /// devices more than moving mends.
+    pub moves: bool,
 }
 
 impl RayStream<'_> {
@@ -399,6 +404,11 @@ pub trait CostEstimator: Debug + Send + 'static {
         self.name()
     }
 
+    /// Why it made the last estimate as it did, with the numbers that decided; `None` where it has no choice.
+    fn reason(&self) -> Option<String> {
+        None
+    }
+
     /// What its counts have in common: streams of one token and kind teach and use the same prices. One for each type,
     /// unless it says otherwise; who wraps an estimator passes on the wrapped one's.
     fn counts(&self) -> CountsToken {
@@ -414,8 +424,8 @@ pub trait CostEstimator: Debug + Send + 'static {
     /// empty observation; after [`Step::Done`] the next call begins another stream.
     fn next(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> Step;
 
-    /// Whether the work it returns counts tests, so that cost models can be fitted to it. An estimator that knows
-    /// nothing of a task but its size says `false`; its streams are scheduled as if all devices were alike.
+    /// Whether the work it returned tells tasks of one size apart. An estimator that knows nothing of a task but its
+    /// size says `false`.
     fn counts_tests(&self) -> bool {
         true
     }

@@ -228,6 +228,12 @@ impl Span {
     pub const fn duration(&self) -> Duration {
         self.end.saturating_sub(self.start)
     }
+
+    /// Time that the device was busy: in kernels, or all where those are not timed.
+    #[must_use]
+    pub const fn busy(&self) -> Duration {
+        if self.in_kernel.is_zero() { self.duration() } else { self.in_kernel }
+    }
 }
 
 /// The results of a launch.

@@ -4,7 +4,7 @@ use crate::Lab;
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits, Reference, Scheduling, Stream};
-use rt_core::{Device, Hit, Scene, Span};
+use rt_core::{Device, Hit, Scene};
 use rt_scene::Model;
 use rt_scene::prepare::{Options, Prepared};
 use rt_scene::streams::{PathStream, Wave};
@@ -90,10 +90,4 @@ pub(crate) fn trace(
     hits.clear();
     hits.resize(stream.source.len() as usize, Hit::MISS);
     Ok(balancer.trace(stream, scheduling, hits, None, lab.control())?)
-}
-
-/// Seconds in the kernel; of the whole launch where the device cannot tell.
-pub(crate) fn in_kernel(span: Span) -> f64 {
-    let inside = if span.in_kernel.is_zero() { span.duration() } else { span.in_kernel };
-    inside.as_secs_f64()
 }

@@ -18,6 +18,8 @@ const REFERENCE_PASSES: usize = 3;
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
 pub enum TaskCut {
+    /// Tasks that suit the rays and the devices.
+    Suited,
     /// Tasks of this many rays.
     Size(u32),
     /// This many tasks per stream.
@@ -25,12 +27,16 @@ pub enum TaskCut {
 }
 
 impl TaskCut {
-    /// Rays of a task in a stream of `rays` rays.
+    /// The stream cut for so many devices.
     #[must_use]
-    pub fn size(self, rays: u32) -> u32 {
+    pub fn of(self, stream: Stream, devices: usize) -> Stream {
         match self {
-            Self::Size(size) => size,
-            Self::Count(tasks) => rays.div_ceil(tasks).max(1),
+            Self::Suited => stream.with_tasks_for(devices),
+            Self::Size(size) => stream.with_task_size(size),
+            Self::Count(tasks) => {
+                let size = stream.source.len().div_ceil(tasks).max(1);
+                stream.with_task_size(size)
+            }
         }
     }
 }
@@ -148,8 +154,8 @@ impl Renderer<'_> {
             return Ok(Vec::new());
         }
         let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
-        let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream }
-            .with_task_size(self.cut.size(rays));
+        let stream = self.cut.of(stream, balancer.devices().count());
+        let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream };
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
         let control = Control { cancel: Some(self.cancel), progress: Some(*show), ..Control::default() };
         let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);

@@ -114,6 +114,20 @@ pub fn streams(runs: &[StreamRun]) -> String {
     format!("{}\n{}", stream_table(runs), device_table(runs))
 }
 
+/// Why each stream's estimate was made as it was, a line for each; streams of estimators that have no choice are left
+/// out.
+#[must_use]
+pub fn reasons(runs: &[StreamRun]) -> String {
+    let name = Naming::of(runs);
+    let shown = longest(runs, MOST_STREAMS);
+    let lines = shown.iter().filter_map(|run| {
+        let estimate = &run.report.estimate;
+        let reason = estimate.reason.as_ref()?;
+        Some(format!("  {}: {}, since {reason}\n", name.of_stream(&run.report), estimate.chosen))
+    });
+    lines.collect()
+}
+
 /// Most streams that a table lists: more than that nobody reads. The longest are kept.
 const MOST_STREAMS: usize = 64;
 

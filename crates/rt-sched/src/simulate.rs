@@ -15,6 +15,9 @@ use rt_core::TaskId;
 pub struct Simulation {
     /// Seconds from submitting a launch until it can start. With one launch in flight the device idles meanwhile; with
     /// two this is hidden behind the launch before.
+    pub hand_over_s: f64,
+    /// Seconds that every launch costs on the device beside its tasks, while it ramps up and drains: nothing hides
+    /// them. What [`CostModel::per_launch`](rt_core::CostModel::per_launch) predicts.
     pub launch_s: f64,
     /// Seconds a host thread needs for one queue operation.
     pub pop_s: f64,
@@ -25,10 +28,10 @@ pub struct Simulation {
 }
 
 impl Default for Simulation {
-    /// 10 µs per launch, 0.2 µs per queue operation, two launches in flight, no failure: a graphics card's order of
-    /// magnitude.
+    /// 10 µs to hand a launch over, which costs nothing beside its tasks, 0.2 µs per queue operation, two launches in
+    /// flight, no failure: a graphics card's order of magnitude.
     fn default() -> Self {
-        Self { launch_s: 1e-5, pop_s: 2e-7, in_flight: 2, failures: Vec::new() }
+        Self { hand_over_s: 1e-5, launch_s: 0.0, pop_s: 2e-7, in_flight: 2, failures: Vec::new() }
     }
 }
 
@@ -37,7 +40,7 @@ impl Default for Simulation {
 pub struct SimulatedLaunch {
     /// The device.
     pub device: usize,
-    /// Begin of the first task, in seconds.
+    /// When the device begins with it, in seconds.
     pub start_s: f64,
     /// End of the last task, in seconds; the time of failure if the launch was lost.
     pub end_s: f64,
@@ -52,7 +55,7 @@ pub struct SimulatedLaunch {
 pub struct SimulatedRun {
     /// Seconds until the last launch ended.
     pub makespan_s: f64,
-    /// Seconds each device spent in tasks, lost launches included.
+    /// Seconds each device spent in launches, lost ones included.
     pub busy_s: Vec<f64>,
     /// Number of launches of each device.
     pub launches: Vec<usize>,
@@ -176,9 +179,9 @@ impl Running<'_> {
             let cost = |&task: &TaskId| {
                 Some((self.seconds)(device, task)).filter(|s| s.is_finite()).map_or(0.0, |s| s.max(0.0))
             };
-            let took: f64 = tasks.iter().map(cost).sum();
+            let took = self.plan.launch_s + tasks.iter().map(cost).sum::<f64>();
             let state = &mut self.devices[device];
-            let start_s = state.free_s.max(now + self.plan.launch_s);
+            let start_s = state.free_s.max(now + self.plan.hand_over_s);
             state.free_s = start_s + took;
             let launch = SimulatedLaunch { device, start_s, end_s: start_s + took, tasks, finished: true };
             state.in_flight.push_back(launch);

@@ -1,5 +1,6 @@
 //! How devices are used.
 
+use super::heading;
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
 use rt_balance::Device;
@@ -10,6 +11,7 @@ use std::sync::Arc;
 
 /// Choices about devices, none of which changes a nearest hit.
 #[derive(Clone, Copy, Debug, Default, Args)]
+#[command(next_help_heading = heading::DEVICES)]
 pub(crate) struct DeviceArgs {
     /// Instructions that processors trace with: portable, avx2 or avx512 [default: the environment variable
     /// RAYBALANCE_ISA, else the best there are]

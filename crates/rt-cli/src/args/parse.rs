@@ -27,13 +27,6 @@ pub(super) fn reduced_walk() -> impl TypedValueParser<Value = &'static Entry<Mak
         .map(move |name| reduced_estimators().find(|e| short(e) == name).expect("no other name passes the parser"))
 }
 
-pub(super) fn parse_share(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
-        _ => Err("must be from 0 to 1, such as 0.005 for half a percent".to_owned()),
-    }
-}
-
 pub(super) fn parse_fov(text: &str) -> Result<f32, String> {
     match text.trim().parse::<f32>() {
         Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),

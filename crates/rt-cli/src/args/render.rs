@@ -1,5 +1,6 @@
 //! Options of `raybalance render`.
 
+use super::heading;
 use super::parse::{parse_bytes, parse_fov, parse_point, parse_size, parse_vec3};
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
@@ -15,41 +16,45 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) balance: BalanceArgs,
     /// Size of the picture in pixels
-    #[arg(long, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
     pub(crate) size: [u32; 2],
     /// Rays per pixel
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) spp: u32,
     /// Diffuse bounces
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
     pub(crate) bounces: u32,
     /// Frames of a slow orbit about the target
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
     /// Camera position in the coordinates of the file, such as 1,1.5,4
-    #[arg(long, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) eye: Option<DVec3>,
     /// Point the camera looks at, likewise
-    #[arg(long, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) target: Option<DVec3>,
     /// Which way is up
-    #[arg(long, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
     pub(crate) up: Option<Vec3>,
     /// Vertical field of view in degrees
-    #[arg(long, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
     /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene,
     /// 12 bytes a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
-    #[arg(long, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
+    #[arg(long, help_heading = heading::DEVICES, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
     pub(crate) memory: u64,
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known
-    #[arg(long)]
+    #[arg(long, help_heading = heading::EXPERIMENT)]
     pub(crate) reference: bool,
     /// Folder for image.png, cost.png, timeline.svg, trace.json, report.json and report.html
-    #[arg(long, default_value = "out", value_name = "DIR")]
+    #[arg(long, help_heading = heading::OUTPUT, default_value = "out", value_name = "DIR")]
     pub(crate) out: PathBuf,
+    /// Folder that keeps what is finished, so that the same command goes on where it was stopped or killed, with any
+    /// number of processes; only pictures and report.json are written then
+    #[arg(long, value_name = "DIR")]
+    pub(crate) checkpoint: Option<PathBuf>,
     /// Print the report as JSON instead of tables
-    #[arg(long)]
+    #[arg(long, help_heading = heading::OUTPUT)]
     pub(crate) json: bool,
 }
 

@@ -1,11 +1,13 @@
 //! Where the scene comes from, how its tree is built and how its triangles are tested.
 
+use super::heading;
 use clap::{Args, ValueEnum};
 use rt_bvh::Builder;
 use rt_core::Precision;
 
 /// Where the scene comes from and how its tree is built.
 #[derive(Clone, Debug, Args)]
+#[command(next_help_heading = heading::SCENE)]
 pub(crate) struct SceneArgs {
     /// Leave out faces that are malformed, or that use a vertex which is, instead of refusing the file
     #[arg(long)]

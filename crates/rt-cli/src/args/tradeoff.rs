@@ -1,6 +1,7 @@
 //! Options of `raybalance tradeoff` and of each trade.
 
 use super::SceneArgs;
+use super::heading;
 use super::parse::{parse_devices, parse_size};
 use clap::{Args, Subcommand};
 use rt_bvh::Builder;
@@ -36,27 +37,27 @@ pub(crate) struct TradeArgs {
     pub(crate) source: SceneArgs,
     /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics
     /// card]
-    #[arg(long, visible_aliases = ["device", "backend"], value_name = "LIST", value_parser = parse_devices)]
+    #[arg(long, help_heading = heading::DEVICES, visible_aliases = ["device", "backend"], value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget
     /// demands it]
-    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,
     /// Interleaved repetitions, at least 6 for intervals of 95% [default: 9; 2 with --quick]
-    #[arg(long, visible_alias = "runs", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, help_heading = heading::EXPERIMENT, visible_alias = "runs", value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeat: Option<u32>,
     /// Seconds that it may take: a repetition that would end later is not begun, but one is always measured [default of
     /// all trades together: 600; 150 with --quick]
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_name = "SECONDS")]
     pub(crate) budget: Option<u32>,
     /// Seed of samples, pixels and bounces
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, help_heading = heading::EXPERIMENT, default_value_t = 1)]
     pub(crate) seed: u32,
     /// Small pictures, few settings and repetitions: a look at the form, not a measurement
-    #[arg(long)]
+    #[arg(long, help_heading = heading::EXPERIMENT)]
     pub(crate) quick: bool,
     /// Folder for tables, charts, raw numbers and report.html
-    #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
+    #[arg(long, help_heading = heading::OUTPUT, default_value = "out/tradeoff", value_name = "DIR")]
     pub(crate) out: PathBuf,
 }
 
@@ -65,28 +66,28 @@ pub(crate) struct PrecisionTradeoffArgs {
     /// yard, car, or OBJ files [default: yard car]
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
-    #[arg(long, visible_aliases = ["devices", "device"], value_name = "LIST", default_value = "cpu",
+    #[arg(long, help_heading = heading::DEVICES, visible_aliases = ["devices", "device"], value_name = "LIST", default_value = "cpu",
           value_parser = parse_devices)]
     pub(crate) backend: String,
     /// Fewer rays and runs: a look, not a measurement
-    #[arg(long)]
+    #[arg(long, help_heading = heading::EXPERIMENT)]
     pub(crate) quick: bool,
     /// Runs of each precision, all in turn [default: 30; 6 with --quick]
-    #[arg(long, visible_alias = "repeat", value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    #[arg(long, help_heading = heading::EXPERIMENT, visible_alias = "repeat", value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
     pub(crate) runs: Option<u32>,
     /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
-    #[arg(long, value_parser = parse_size, value_name = "WxH")]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,
     /// Rays of each stream that the exact reference judges [default: 2000; 200 with --quick]
-    #[arg(long, value_name = "N")]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_name = "N")]
     pub(crate) sample: Option<u32>,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
-    #[arg(long, default_value_t, value_name = "NAME")]
+    #[arg(long, help_heading = heading::SCENE, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,
     /// Seed of the rays
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, help_heading = heading::EXPERIMENT, default_value_t = 1)]
     pub(crate) seed: u32,
     /// Folder for precision.json, precision.csv, precision.md, precision.svg and report.html
-    #[arg(long, default_value = "out/tradeoff", value_name = "DIR")]
+    #[arg(long, help_heading = heading::OUTPUT, default_value = "out/tradeoff", value_name = "DIR")]
     pub(crate) out: PathBuf,
 }

@@ -81,8 +81,9 @@ impl Job for RayRanges<'_> {
     fn compute(&mut self, tile: u32) -> Result<Vec<u8>, BalanceError> {
         let rays = &self.rays[self.range(tile)];
         let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let stream = Stream::new(source, StreamKind::Custom, self.spec);
-        let stream = Stream { seed: self.seed, wave: tile, ..stream }.with_task_size(self.cut.size(rays.len() as u32));
+        let devices = self.balancer.devices().count();
+        let stream = self.cut.of(Stream::new(source, StreamKind::Custom, self.spec), devices);
+        let stream = Stream { seed: self.seed, wave: tile, ..stream };
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut counts = vec![TestCounts::default(); if self.spec.counts { rays.len() } else { 0 }];
         let wanted = self.spec.counts.then_some(&mut counts[..]);

@@ -35,7 +35,7 @@ const WRONG: &[(&str, &str)] = &[
     ("render scene.obj --fraction 1/64", "--fraction"),
     ("render scene.obj --estimator uniform --fraction 1/64", "--fraction"),
     ("render scene.obj --estimator exact --fraction 2", "--fraction"),
-    ("render scene.obj --estimator exact --budget 0.01", "--budget"),
+    ("render scene.obj --budget 0.01", "--budget"),
     ("render scene.obj --estimator exact --reduced leaf", "--reduced"),
     ("render scene.obj --builder oak", "--builder"),
     ("render scene.obj --precision half", "--precision"),

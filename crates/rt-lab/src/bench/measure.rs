@@ -2,7 +2,6 @@
 
 use super::streams::Rays;
 use crate::Lab;
-use crate::subject::in_kernel;
 use anyhow::{Context, Result};
 use rt_balance::clock;
 use rt_balance::devices::Opened;
@@ -112,19 +111,19 @@ impl Bench<'_> {
             samples.upload_s.iter_mut().last().into_iter().for_each(|seconds| *seconds += made_s);
         }
         (samples.downloaded, samples.on_host) = (second.downloaded, second.on_host);
-        samples.full_s.push(in_kernel(launch.span));
+        samples.full_s.push(launch.span.busy().as_secs_f64());
         samples.whole_s.push(launch.span.duration().as_secs_f64());
-        samples.read_back_s.push((launch.span.duration().as_secs_f64() - in_kernel(launch.span)).max(0.0));
+        samples.read_back_s.push((launch.span.duration().as_secs_f64() - launch.span.busy().as_secs_f64()).max(0.0));
 
         let all: Vec<u32> = (0..samples.rays).collect();
         let mut counts = vec![TestCounts::default(); all.len()];
         for ((_, walk), seconds) in WALKS.iter().zip(&mut samples.walks_s) {
-            seconds.push(in_kernel(tracer.walk(&all, *walk, &mut counts, None)?));
+            seconds.push(tracer.walk(&all, *walk, &mut counts, None)?.busy().as_secs_f64());
         }
 
         let spans = self.queued(tracer, samples.rays, &mut launch)?;
         let busy = busy_s(&spans);
-        let kernels: f64 = spans.iter().map(|span| in_kernel(*span)).sum();
+        let kernels: f64 = spans.iter().map(|span| span.busy().as_secs_f64()).sum();
         samples.gap_s.push((busy - kernels).max(0.0) / spans.len().max(1) as f64);
         samples.kernel_share.push((kernels / busy).min(1.0));
         Ok(())

@@ -246,6 +246,7 @@ impl Case {
             source: Some(source),
             devices: 2,
             uninformed_excess: 1.0,
+            moves: false,
         };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());

@@ -1,7 +1,7 @@
 //! Costs from as many samples as they are worth.
 
 use super::batch::{Batch, Pool, tests};
-use super::price::{Price, Reader, WalkPrices};
+use super::price::{Price, WalkPrices};
 use crate::sample::{Fraction, RaySampler};
 use alloc::vec;
 use alloc::vec::Vec;
@@ -174,6 +174,6 @@ impl CostEstimator for Adaptive {
     }
 
     fn finish(&mut self, record: &StreamRecord<'_>) {
-        self.prices.learn(record, Reader::Tasks);
+        self.prices.learn(record);
     }
 }

@@ -8,7 +8,7 @@
 //! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
 //! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
 //! | [`History`] | Blender Cycles | nothing, once a stream of the same kind was traced |
-//! | [`Auto`] | – | what the best of exact, field and history asks, within a budget; nothing where none pays |
+//! | [`Auto`] | – | nothing where there is a past or the queue mends all; else two samples of each task |
 //!
 //! Every estimate carries the standard error of its number of tests where that is known; [`interval_95`] makes an
 //! interval of it. That is the error against *counts*. How well counts predict time is another question, answered by
@@ -35,14 +35,14 @@ pub use sampled::{Sampled, interval_95};
 use alloc::vec::Vec;
 use rt_core::{CostEstimator, Observation, RayStream, Step, Task, Walk, Work};
 
-/// One box test for each ray, so that every cost model prices it.
+/// One box test for each ray, and nothing beside: what a ray takes is then that test's price.
 fn uniform(tasks: &[Task]) -> Vec<Work> {
-    tasks.iter().map(|task| Work::new(task.rays as f32, task.rays as f32, 0.0)).collect()
+    tasks.iter().map(|task| Work::new(0.0, task.rays as f32, 0.0)).collect()
 }
 
 /// Every ray costs the same: the estimate that asks nothing, and what the paper compares with.
 ///
-/// A task's work is its rays.
+/// A task's work is a box test for each of its rays, so streams that were traced with it tell how fast devices are.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Uniform;
 

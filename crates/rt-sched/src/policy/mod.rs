@@ -2,10 +2,12 @@
 
 mod loads;
 mod lpt;
+mod permuted;
 mod price;
 mod rank;
 
 pub use lpt::Lpt;
+pub use permuted::PermutedRegions;
 pub(crate) use price::{mean_model, seconds, total};
 pub(crate) use rank::most_expensive_first;
 

@@ -146,14 +146,14 @@ impl HybridQueue {
     /// Number of tasks that the next launch takes from the front of `range`, which is not empty.
     fn launch_size(&self, device: usize, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
-        let base = self.before[start];
+        let list = self.before[end] - self.before[start];
         let Launching { price, first } = self.devices[device];
         let part = if self.paces.are_costs_known() { LAUNCH_SHARE } else { CAUTIOUS_SHARE };
-        let share = part * (self.before[end] - base).min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
-        let share = base + share.min(GROWTH * self.paces.sure(device) + first);
-        let worthwhile = base + price;
-        let ends = &self.before[start + 1..=end];
-        let count = ends.partition_point(|&s| s <= share).max(ends.partition_point(|&s| s < worthwhile) + 1);
+        let cautious = part * list.min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
+        let (launches, worth) = self.paces.launches(list, price);
+        let first = first.max(list * libm::exp2(1.0 - launches));
+        let share = cautious.max(worth * list).min(GROWTH * self.paces.sure(device) + first);
+        let count = self.before[start + 1..=end].partition_point(|&s| s <= self.before[start] + share).max(1);
         count.min(end - start) as u32
     }
 
@@ -164,8 +164,8 @@ impl HybridQueue {
     fn loot(&self, thief: Found, victim: Found, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
         let stays = |i: usize| {
-            let thief_end = thief.until + (self.before[end] - self.before[i]) / thief.speed;
-            thief_end > victim.until + (self.before[i + 1] - self.before[start]) / victim.speed
+            let thief_end = thief.until + thief.launch_s + (self.before[end] - self.before[i]) / thief.speed;
+            thief_end > victim.until + victim.launch_s + (self.before[i + 1] - self.before[start]) / victim.speed
         };
         // Both ends of the comparison go one way with `i`.
         let (mut low, mut high) = (start, end);

@@ -1,9 +1,10 @@
 //! What makes a queue for each stream: the seam for a queue of one's own.
 
+use super::pace::mending_launches;
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
 use crate::policy::{Policy, mean_model};
-use crate::uninformed;
+use crate::uninformed::{Regime, central_excess, hybrid_excess};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt::Debug;
@@ -42,13 +43,17 @@ pub trait QueueMaker: Debug + Send + Sync {
     /// A queue of all tasks of a stream.
     fn make(&self, dealt: Dealt<'_>) -> Box<dyn TaskQueue>;
 
-    /// What a stream of `tasks` tasks is expected to lose on `devices` devices when nothing is estimated, as a share of
-    /// its makespan. `unequal` says how unlike the devices are: the mean of their speeds over the least one, 1 where
-    /// all are alike.
+    /// Whether it moves tasks when it turns out what they cost; a queue that cannot tell says that it does.
+    fn moves(&self, regime: &Regime) -> bool {
+        let _ = regime;
+        true
+    }
+
+    /// What a stream is expected to lose when nothing is estimated, as a share of its makespan.
     ///
     /// A queue that cannot tell says 1, and estimators that ask whether they pay take it that they do.
-    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
-        let _ = (tasks, devices, unequal);
+    fn uninformed_excess(&self, regime: &Regime) -> f64 {
+        let _ = regime;
         1.0
     }
 }
@@ -115,12 +120,20 @@ impl QueueMaker for QueueKind {
         }
     }
 
-    fn uninformed_excess(&self, tasks: usize, devices: usize, unequal: f64) -> f64 {
+    fn moves(&self, regime: &Regime) -> bool {
         match self {
-            Self::Static if unequal > 1.0 => 1.0,
-            Self::Static => uninformed::fixed_excess(tasks, devices),
-            Self::Central => unequal * uninformed::central_excess(tasks, devices),
-            Self::Hybrid => unequal * uninformed::hybrid_excess(tasks, devices),
+            Self::Static => false,
+            Self::Central => true,
+            Self::Hybrid => mending_launches(regime.tasks as f64 / regime.devices.max(1) as f64, regime.launch) > 1.0,
+        }
+    }
+
+    fn uninformed_excess(&self, regime: &Regime) -> f64 {
+        match self {
+            Self::Static => regime.of_lists(),
+            Self::Central => central_excess(regime.tasks, regime.devices),
+            Self::Hybrid if self.moves(regime) => hybrid_excess(regime.tasks, regime.devices),
+            Self::Hybrid => regime.of_lists(),
         }
     }
 }

@@ -24,6 +24,19 @@ const FINISHED: f64 = 2.0;
 /// are found to differ by a little, must not wait for one another.
 const FASTER: f64 = 1.5;
 
+/// What launches may cost of what their tasks deviate by, without a unit: they do not mend all of it.
+const SPENT: f64 = 1.0 / 8.0;
+
+/// Fewest launches of a list that is launched in several.
+const FEWEST: f64 = 8.0;
+
+/// Part of the standard deviation that lists have whose tasks are from all over the picture, where nothing is known of
+/// those: as in [`crate::uninformed::fixed_excess`].
+const SPREAD: f64 = 1.0 / 3.0;
+
+/// By how much a predicted speed may be wrong, as a share of it.
+const SPEED_ERROR: f64 = 0.02;
+
 /// How much of what a device has in flight it has probably done, without a unit: half of the older of two launches.
 const BEGUN: f64 = 0.25;
 
@@ -70,6 +83,10 @@ pub(crate) struct Paces {
 struct Pace {
     /// Predicted streams per second.
     speed: f64,
+    /// Seconds that a launch costs beside its tasks.
+    launch_s: f64,
+    /// Number of launches that it was given, and has finished.
+    launches: [AtomicUsize; 2],
     /// Shares of the stream that it has finished and has in flight, in [`UNIT`]s.
     done: AtomicU64,
     flying: AtomicU64,
@@ -83,6 +100,26 @@ struct Pace {
     told: AtomicU64,
 }
 
+impl Pace {
+    /// Seconds that its launches cost beside their tasks: those that it was given, and those that it has finished.
+    fn in_launches_s(&self) -> [f64; 2] {
+        let ended = self.launches[1].load(Relaxed);
+        // Whoever finishes a launch in parts has not begun more of them.
+        [self.launches[0].load(Relaxed).max(ended), ended].map(|launches| launches as f64 * self.launch_s)
+    }
+}
+
+/// How many launches a list is worth that deviates by `deviation`, where one costs `price`, both as a share of it.
+fn mending(deviation: f64, price: f64) -> f64 {
+    let launches = SPENT * deviation / price;
+    if launches < FEWEST { 1.0 } else { launches }
+}
+
+/// The same of a list of so many tasks of which nothing is known.
+pub(crate) fn mending_launches(tasks: f64, price: f64) -> f64 {
+    mending(SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
+}
+
 /// No time at all.
 const BUSY: u64 = u64::MAX;
 
@@ -93,6 +130,8 @@ pub(crate) struct Found {
     pub(crate) speed: f64,
     /// When it will end what it has in flight, in seconds.
     pub(crate) until: f64,
+    /// Seconds that a launch costs it beside its tasks.
+    pub(crate) launch_s: f64,
 }
 
 /// All devices together, as they were found a moment ago.
@@ -152,7 +191,8 @@ impl Paces {
             let speed = if seconds > 0.0 && seconds.is_finite() { 1.0 / seconds } else { 1.0 };
             let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
             let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
-            Pace { speed, done, flying, found, waited, since, told }
+            let launches = [0; 2].map(AtomicUsize::new);
+            Pace { speed, launch_s: model.per_launch(), launches, done, flying, found, waited, since, told }
         };
         let devices: Box<[Pace]> = models.iter().map(pace).collect();
         let share = |(task, work): (TaskId, &Work)| {
@@ -199,10 +239,35 @@ impl Paces {
         tasks.iter().map(|&task| (self.share(task) / UNIT) as u64).sum()
     }
 
+    /// Standard deviation of a share of the stream about what was estimated: of independent errors of about as many
+    /// tasks as make it up.
+    fn std_deviation(&self, share: f64) -> f64 {
+        self.noise * libm::sqrt(share * self.mean_share())
+    }
+
     /// By how much a share of the stream may deviate from what was estimated.
     fn deviation(&self, share: f64) -> f64 {
-        // Of independent errors of about as many tasks as make up the share.
-        FINISHED * self.noise * libm::sqrt(share * self.mean_share())
+        FINISHED * self.std_deviation(share)
+    }
+
+    /// Into how many launches a device should divide a share of the stream, and which part of it the first of them
+    /// should be, where each costs `price`, a share of the stream too.
+    ///
+    /// What is launched is not moved any more, so one more launch pays where what its tasks deviate by, together, is
+    /// worth more than it costs. Launches shrink geometrically to where the rest deviates by less than one costs. With
+    /// few of them the last is so long that it mends nothing: then there is one.
+    pub(crate) fn launches(&self, share: f64, price: f64) -> (f64, f64) {
+        if price <= 0.0 {
+            return (f64::INFINITY, 0.0);
+        }
+        let spread = if self.are_costs_known() { 1.0 } else { SPREAD };
+        let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
+        let launches = mending(spread * self.std_deviation(share) / share + doubt, price / share);
+        if launches <= 1.0 {
+            return (1.0, 1.0);
+        }
+        let rest = (price / self.noise) * (price / self.noise) / (self.mean_share() * share);
+        (launches, 1.0 - libm::pow(rest.min(1.0), 1.0 / launches))
     }
 
     /// By how much what a device has finished may deviate from its prediction without contradicting it.
@@ -221,13 +286,20 @@ impl Paces {
         if self.noise == 0.0 || !self.predicts {
             return least;
         }
-        let done = share(&self.done) + BEGUN * share(&self.flying);
-        least.max(done / self.predicted)
+        let done = share(&self.done);
+        // Of long launches, which are more than all that is done, no more than of such.
+        let come = done + BEGUN * share(&self.flying).min(done);
+        least.max(come / self.predicted)
+    }
+
+    /// The share of the stream that is not finished.
+    pub(crate) fn unfinished(&self) -> f64 {
+        (self.all - share(&self.done)).max(0.0)
     }
 
     /// The share of the stream that nobody has begun.
     pub(crate) fn open(&self) -> f64 {
-        (self.all - share(&self.done) - share(&self.flying)).max(0.0)
+        (self.unfinished() - share(&self.flying)).max(0.0)
     }
 
     /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
@@ -241,19 +313,22 @@ impl Paces {
         let pace = &self.devices[device];
         let (now, done, flying) = (self.now(), share(&pace.done), share(&pace.flying));
         let waited = get(&pace.waited);
-        let expected = |share: f64| waited + share / pace.speed;
+        let [begun_s, ended_s] = pace.in_launches_s();
+        let expected = |share: f64| waited + begun_s + share / pace.speed;
         let slow = expected(done + flying + self.doubt(done + flying)) < now * (1.0 - ROUNDING);
         if flying == 0.0 {
-            return Found { speed: if slow { get(&pace.found) } else { pace.speed }, until: now };
+            let speed = if slow { get(&pace.found) } else { pace.speed };
+            return Found { speed, until: now, launch_s: pace.launch_s };
         }
-        let speed = if slow { (done + BEGUN * flying) / (now - waited) } else { pace.speed };
-        let left = flying / speed;
+        let come = done + BEGUN * flying;
+        let speed = if slow { pace.speed.min(come / (now - waited - ended_s).max(0.0)) } else { pace.speed };
+        let left = flying / speed + (begun_s - ended_s);
         let until = expected(done + flying);
         let until = match self.noise {
             0.0 if !slow => until.max(now),
             _ => until.clamp(now + 0.5 * left, now + left),
         };
-        Found { speed, until }
+        Found { speed, until, launch_s: pace.launch_s }
     }
 
     /// By how much a speed that was found may be too low or too high, as a factor: tasks that follow each other are
@@ -311,13 +386,14 @@ impl Paces {
             return true;
         }
         let caution = 1.0 + NEXT * self.noise;
-        let left = (self.all - share(&self.done)).max(0.0);
+        let left = self.unfinished();
         let end = plan.max(now + left / together) * (1.0 + ROUNDING);
         if self.devices[device].flying.load(Relaxed) > 0 && now + caution * (own.until - now) >= end {
             return false;
         }
         let next = caution * next.map_or(self.mean_share(), |task| self.share(task));
-        let keeps_plan = own.until + next / own.speed <= plan * (1.0 + ROUNDING);
+        let [begun_s, _] = self.devices[device].in_launches_s();
+        let keeps_plan = own.until - begun_s + next / own.speed <= plan * (1.0 + ROUNDING);
         keeps_plan
             || fastest <= FASTER * own.speed * self.range(device)
             || caution * (own.until - now) + next / own.speed <= left / others + next / fastest
@@ -350,6 +426,7 @@ impl Paces {
             pace.waited.store(waited.to_bits(), Relaxed);
         }
         let units = self.units(tasks);
+        pace.launches[0].fetch_add(1, Relaxed);
         pace.flying.fetch_add(units, Relaxed);
         self.flying.fetch_add(units, Relaxed);
     }
@@ -358,12 +435,14 @@ impl Paces {
     pub(crate) fn finish(&self, device: usize, tasks: &[TaskId]) {
         let Some(pace) = self.devices.get(device) else { return };
         let units = self.give_up(device, tasks);
+        pace.launches[1].fetch_add(1, Relaxed);
         pace.done.fetch_add(units, Relaxed);
         self.done.fetch_add(units, Relaxed);
         let (waited, done) = (get(&pace.waited), share(&pace.done));
+        let [_, ended_s] = pace.in_launches_s();
         let least = (done - self.doubt(done)).max(0.0);
-        self.now.fetch_max((waited + least / pace.speed).to_bits(), Relaxed);
-        let seconds = get(&self.now) - waited;
+        self.now.fetch_max((waited + ended_s + least / pace.speed).to_bits(), Relaxed);
+        let seconds = get(&self.now) - waited - ended_s;
         let found = if seconds > 0.0 { pace.speed.min(done / seconds) } else { pace.speed };
         pace.found.store(found.to_bits(), Relaxed);
     }
@@ -375,5 +454,29 @@ impl Paces {
         let units = lower(&pace.flying, self.units(tasks));
         lower(&self.flying, units);
         units
+    }
+}
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    use super::*;
+
+    /// Mutants: `expected` without what launches cost; `now` without it.
+    #[test]
+    fn what_launches_cost_makes_no_device_slow() {
+        let work = [Work::new(0.0, 1e8, 0.0).with_std_error(0.0); 20];
+        let priced = CostModel::new(1.0, 1e-9, 1e-9, 1e-9).expect("a model");
+        let paces = Paces::new(&work, &[priced; 2], |task| task as usize % 2);
+        // One launch after the other, of a second and a tenth, while the other device is in one of two seconds.
+        let own: [TaskId; 10] = core::array::from_fn(|i| 2 * i as TaskId + 1);
+        paces.launch(1, &own);
+        paces.launch(0, &[0]);
+        paces.finish(0, &[0]);
+        assert_eq!(paces.of(1).speed, paces.predicted(1), "1.1 s have passed, it needs 2");
+        for task in [2, 4] {
+            paces.launch(0, &[task]);
+            paces.finish(0, &[task]);
+        }
+        assert!(paces.of(1).speed < paces.predicted(1), "3.3 s have passed");
     }
 }

@@ -3,7 +3,7 @@
 //!
 //! `cargo test -p rt-sched --lib regimes -- --ignored --nocapture` prints the table of docs/results/scheduling.md.
 
-use super::tests::{estimated, image, models, queue};
+use super::tests::{estimated, image, models};
 use super::*;
 use crate::{bound, metrics};
 use core::iter::repeat_n;
@@ -28,17 +28,33 @@ pub(super) enum Known {
     Costs(f64),
 }
 
-/// Seconds of each task on a device of speed 1, such that the divisible ideal is [`FRAME_S`].
-pub(super) fn picture(tasks: u32, speeds: &[f64], seed: u32) -> Vec<f64> {
+/// Seconds of each task on a device of speed 1, such that the divisible ideal is `frame_s`.
+fn picture(tasks: u32, speeds: &[f64], frame_s: f64, seed: u32) -> Vec<f64> {
     let costs = image(tasks, 1, seed);
-    let scale = FRAME_S * speeds.iter().sum::<f64>() / costs.iter().sum::<f64>();
+    let scale = frame_s * speeds.iter().sum::<f64>() / costs.iter().sum::<f64>();
     costs.iter().map(|cost| cost * scale).collect()
 }
 
-/// Mean excess over the lower bound, in percent.
-pub(super) fn excess(name: &str, speeds: &[f64], tasks: u32, known: Known) -> f64 {
-    let one = |seed| {
-        let costs = picture(tasks, speeds, seed);
+/// Tasks on devices, and what a queue is told of them.
+#[derive(Clone, Debug)]
+struct Case<'a> {
+    queue: &'a str,
+    speeds: &'a [f64],
+    tasks: u32,
+    known: Known,
+    frame_s: f64,
+    costs: Simulation,
+}
+
+impl<'a> Case<'a> {
+    fn new(queue: &'a str, speeds: &'a [f64], tasks: u32, known: Known) -> Self {
+        Self { queue, speeds, tasks, known, frame_s: FRAME_S, costs: Simulation::default() }
+    }
+
+    /// Excess over the lower bound in percent, and launches of a device, with one picture.
+    fn run(&self, seed: u32) -> [f64; 2] {
+        let Self { queue, speeds, tasks, known, frame_s, costs: ref simulation } = *self;
+        let costs = picture(tasks, speeds, frame_s, seed);
         let work = match known {
             Known::Costs(sigma) => estimated(&costs, sigma, seed),
             // All that is known of a task is how many rays it has; what a ray takes is known where speeds are.
@@ -48,12 +64,31 @@ pub(super) fn excess(name: &str, speeds: &[f64], tasks: u32, known: Known) -> f6
                 vec![Work::new(0.0, (mean * 1e9) as f32, 0.0); costs.len()]
             }
         };
-        let devices = if known == Known::Nothing { vec![CostModel::UNIT; speeds.len()] } else { models(speeds) };
-        let queue = queue(name, &work, &devices);
-        let run = Simulation::default().run(&*queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
-        metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0
-    };
-    (0..PICTURES).map(one).sum::<f64>() / f64::from(PICTURES)
+        let unknown = known == Known::Nothing;
+        let devices = if unknown { vec![CostModel::UNIT; speeds.len()] } else { models(speeds, simulation.launch_s) };
+        let queue = super::tests::queue(queue, &work, &devices);
+        let run = simulation.run(&*queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
+        let excess = metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0;
+        [excess, run.launches.iter().sum::<usize>() as f64 / speeds.len() as f64]
+    }
+
+    /// Means over all pictures.
+    fn mean(&self) -> [f64; 2] {
+        let sum = (0..PICTURES).map(|seed| self.run(seed)).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        sum.map(|sum| sum / f64::from(PICTURES))
+    }
+}
+
+/// Mean excess over the lower bound, in percent.
+pub(super) fn excess(name: &str, speeds: &[f64], tasks: u32, known: Known) -> f64 {
+    Case::new(name, speeds, tasks, known).mean()[0]
+}
+
+/// The same where every launch costs `launch_s` on the device, which is known with the speeds, and the mean number of
+/// launches of a device.
+fn launching(name: &str, speeds: &[f64], tasks: u32, known: Known, frame_s: f64, launch_s: f64) -> [f64; 2] {
+    let costs = Simulation { launch_s, ..Simulation::default() };
+    Case { frame_s, costs, ..Case::new(name, speeds, tasks, known) }.mean()
 }
 
 /// One device for each of `m / speeds.len()` turns of `speeds`.
@@ -89,6 +124,156 @@ fn slow_devices_hold_nobody_up() {
     let alone = 100.0 * 16.0 / 500.0;
     let beside = excess("hybrid", &cores, 9000, Known::Costs(0.1));
     assert!(beside < alone, "with the cores {beside}%, without {alone}%");
+}
+
+/// Launches that cost time on the device, from nothing to a tenth of the frame: then as few are the best, and the queue
+/// is as good as the schedule that it begins with.
+///
+/// Mutants: `launches` that always says `(f64::INFINITY, 0.0)`; one without `FEWEST`; `of`
+/// without the seconds of launches; `loot` without what launches cost; `now`
+/// that takes a quarter of launches of whole lists for done.
+#[test]
+fn launches_are_worth_their_price() {
+    for speeds in [turns(&[1.0], 3), turns(&[1.0], 8), turns(&[1.0, 2.0, 4.0], 3)] {
+        let shares = [0.0, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1];
+        for (each, share) in [16, 128, 1024].into_iter().flat_map(|each| shares.map(|share| (each, share))) {
+            let tasks = each * speeds.len() as u32;
+            let of = |queue, known| launching(queue, &speeds, tasks, known, FRAME_S, share * FRAME_S)[0];
+            for known in [Known::Costs(0.1), Known::Costs(0.3)] {
+                let [fixed, hybrid] = ["lpt", "hybrid"].map(|queue| of(queue, known));
+                // With 16 tasks a device chance makes more of a difference, over four pictures.
+                let room = if each == 16 { 0.7 } else { 0.5 };
+                assert!(hybrid <= fixed + room, "{speeds:?}, {each}, {share}, {known:?}: {hybrid} {fixed}");
+            }
+        }
+    }
+}
+
+/// Prints what launches that cost time on the device do.
+#[test]
+#[ignore = "prints a table of docs/results/scheduling.md"]
+fn launch_prices() {
+    let row = [
+        ("round robin", Known::Speeds),
+        ("lpt", Known::Costs(0.1)),
+        ("hybrid", Known::Nothing),
+        ("hybrid", Known::Speeds),
+        ("hybrid", Known::Costs(0.1)),
+        ("hybrid", Known::Costs(0.0)),
+    ];
+    eprintln!("| devices | n/m | frame, launch | round robin | LPT 10% | uninformed | speeds | 10% | exact |");
+    eprintln!("|---|---|---|---|---|---|---|---|---|");
+    for (name, speeds) in
+        [("3 equal", turns(&[1.0], 3)), ("8 equal", turns(&[1.0], 8)), ("1:2:4", turns(&[1.0, 2.0, 4.0], 3))]
+    {
+        for (each, frame_s, launch_s) in [
+            (16, 5e-3, 1e-4),
+            (128, 5e-3, 5e-6),
+            (128, 5e-3, 2e-5),
+            (128, 5e-3, 1e-4),
+            (128, 5e-3, 5e-4),
+            (128, 5e-2, 1e-4),
+            (1024, 5e-3, 1e-4),
+            (1024, 5e-2, 1e-4),
+        ] {
+            let of = |&(queue, known): &(&str, Known)| {
+                let [excess, launches] =
+                    launching(queue, &speeds, each * speeds.len() as u32, known, frame_s, launch_s);
+                std::format!(" {excess:.2} ({launches:.0}) |")
+            };
+            let row: String = row.iter().map(of).collect();
+            eprintln!("| {name} | {each} | {} ms, {} µs |{row}", frame_s * 1e3, launch_s * 1e6);
+        }
+    }
+}
+
+/// Prints what the price of a hand-over does to each strategy.
+#[test]
+#[ignore = "prints a table of docs/results/scheduling.md"]
+fn hand_overs() {
+    /// Pictures, and Student's 97.5% quantile for so many.
+    const PICTURES: u32 = 8;
+    const QUANTILE: f64 = 2.365;
+    let speeds = turns(&[1.0], 8);
+    eprintln!("| hand-over, in flight | n/m | round robin | permuted | central | hybrid | LPT 10% | hybrid 10% |");
+    eprintln!("|---|---|---|---|---|---|---|---|");
+    for (hand_over_s, in_flight) in [(0.0, 2), (1e-5, 2), (1e-4, 2), (1e-3, 2), (1e-4, 1), (1e-3, 1)] {
+        for each in [2, 4, 8, 16, 32, 64, 128, 256, 1024] {
+            let row = [
+                ("round robin", Known::Nothing),
+                ("permuted", Known::Nothing),
+                ("central", Known::Nothing),
+                ("hybrid", Known::Nothing),
+                ("lpt", Known::Costs(0.1)),
+                ("hybrid", Known::Costs(0.1)),
+            ];
+            let of = |&(queue, known): &(&str, Known)| {
+                let costs = Simulation { hand_over_s, in_flight, ..Simulation::default() };
+                let case = Case { costs, ..Case::new(queue, &speeds, each * 8, known) };
+                let found: Vec<f64> = (0..PICTURES).map(|seed| case.run(seed)[0]).collect();
+                let n = f64::from(PICTURES);
+                let mean = found.iter().sum::<f64>() / n;
+                let squares = found.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+                let half = QUANTILE * (squares / (n - 1.0) / n).sqrt();
+                std::format!(" {mean:.2} ± {half:.2} |")
+            };
+            let row: String = row.iter().map(of).collect();
+            eprintln!("| {} µs, {in_flight} | {each} |{row}", hand_over_s * 1e6);
+        }
+    }
+}
+
+/// Devices whose shares are corrected from pass to pass by the time that they took, as renderers do: how many passes
+/// until they end within 2% of each other, and what was lost until then, in passes.
+///
+/// *Cycles* (`intern/cycles/integrator/work_balancer.cpp`): each weight times (mix of its time and the mean time, 1/m)
+/// over its time, unless all are within 2%. *Average*: a tenth of the way to the speed found. Shares are contiguous.
+#[test]
+#[ignore = "prints a table of docs/results/scheduling.md"]
+fn corrected_shares() {
+    eprintln!("| devices | rule | passes until 2% | lost until then | excess then, % |");
+    eprintln!("|---|---|---|---|---|");
+    for (name, speeds) in [
+        ("2 equal", turns(&[1.0], 2)),
+        ("8 equal", turns(&[1.0], 8)),
+        ("1:2:4", turns(&[1.0, 2.0, 4.0], 3)),
+        ("1:50:50", turns(&[1.0, 50.0, 50.0], 3)),
+    ] {
+        for rule in ["Cycles", "average 0.1"] {
+            let m = speeds.len();
+            let costs = picture(65_536, &speeds, FRAME_S, 1);
+            let mut weights = vec![1.0 / m as f64; m];
+            let (mut lost, mut passes) = (0.0, 0);
+            let excess = loop {
+                // Contiguous shares of the tasks, which are so many that rounding does not matter.
+                let (mut before, mut times) = (0.0, Vec::new());
+                for (weight, speed) in weights.iter().zip(&speeds) {
+                    let share = |x: f64| ((x * costs.len() as f64).round() as usize).min(costs.len());
+                    let own = &costs[share(before)..share(before + weight)];
+                    times.push((own.iter().sum::<f64>() / speed).max(1e-9));
+                    before += weight;
+                }
+                let longest = times.iter().copied().fold(0.0, f64::max);
+                let mean = times.iter().sum::<f64>() / m as f64;
+                let excess = longest / FRAME_S - 1.0;
+                if times.iter().all(|time| (time / mean - 1.0).abs() <= 0.02) || passes == 1000 {
+                    break excess;
+                }
+                (lost, passes) = (lost + excess, passes + 1);
+                let speed_found: f64 = weights.iter().zip(&times).map(|(weight, time)| weight / time).sum();
+                for (weight, time) in weights.iter_mut().zip(&times) {
+                    *weight = if rule == "Cycles" {
+                        *weight * (time + (mean - time) / m as f64) / time
+                    } else {
+                        *weight + 0.1 * (*weight / time / speed_found - *weight)
+                    };
+                }
+                let sum: f64 = weights.iter().sum();
+                weights.iter_mut().for_each(|weight| *weight /= sum);
+            };
+            eprintln!("| {name} | {rule} | {passes} | {lost:.1} | {:.1} |", excess * 100.0);
+        }
+    }
 }
 
 /// Prints the table.

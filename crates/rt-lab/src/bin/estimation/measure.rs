@@ -166,6 +166,7 @@ impl Case {
             source: Some(source),
             devices: 2,
             uninformed_excess: 1.0,
+            moves: true,
         };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;

@@ -2,7 +2,6 @@
 
 use super::{Card, LAYOUTS};
 use crate::Lab;
-use crate::subject::in_kernel;
 use crate::time_budget::TimeBudget;
 use crate::tradeoff::Setting;
 use crate::tradeoff::streams::{EDGES, Kind, launch, streams};
@@ -156,7 +155,7 @@ fn trace(
         let layout = (turn + round as usize) % LAYOUTS.len();
         let launch = launch(tracers[layout].as_mut(), &kind.source, spec)?;
         if round > 0 {
-            pair[layout].kernel_s.push(in_kernel(launch.span));
+            pair[layout].kernel_s.push(launch.span.busy().as_secs_f64());
             pair[layout].whole_s.push(launch.span.duration().as_secs_f64());
         }
         hits[layout] = launch.hits;

@@ -121,6 +121,10 @@ impl CostEstimator for SampledAs {
         self.inner.next(self.seen_as(stream), seen)
     }
 
+    fn reason(&self) -> Option<String> {
+        self.inner.reason()
+    }
+
     fn counts_tests(&self) -> bool {
         self.inner.counts_tests()
     }
@@ -144,7 +148,7 @@ mod tests {
     fn every_estimator_that_takes_a_share_is_swept() {
         let names: Vec<String> = kinds().map(|kind| kind.name()).collect();
         for entry in ESTIMATORS {
-            let is_swept = !["uniform", "history"].contains(&entry.name);
+            let is_swept = !["auto", "uniform", "history"].contains(&entry.name);
             assert_eq!(names.iter().any(|name| name == entry.name), is_swept, "{}", entry.name);
         }
         assert!(names.iter().any(|name| name == PAPERS));
@@ -166,6 +170,7 @@ mod tests {
                 source: None,
                 devices: 1,
                 uninformed_excess: 1.0,
+                moves: false,
             };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),

@@ -53,7 +53,7 @@ pub(super) struct Cell {
     pub(super) estimator: String,
     /// `strided` or `random`; `None` without samples.
     pub(super) sampler: Option<&'static str>,
-    /// Share of the rays that was asked for: all samples, an adaptive estimate's first ones, or (of `auto`) the budget
+    /// Share of the rays that was asked for: all samples, or an adaptive estimate's first ones
     /// as a share of the trace; 0 without an estimator.
     pub(super) fraction: f64,
     /// Seed of each round's samples.
