@@ -7,7 +7,7 @@ use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
 use rt_core::random;
 use std::io::{self, Write};
 
-/// Seconds that rank 0 takes for a message: decoding, deciding, encoding; measured, see docs/results/cluster.md.
+/// Seconds that rank 0 takes for a message, to decode, decide and encode: assumed, not measured.
 const MESSAGE_S: f64 = 5e-6;
 
 /// Seconds until a message arrives, and by how much that varies: a switched network.
