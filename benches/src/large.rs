@@ -24,7 +24,7 @@ pub fn large(triangles: usize) -> Model {
         copies.push((kind, random::pair(7, number, 0), random::pair(7, number, 1)));
     }
     // Room for every copy, and one in four stands in another's.
-    let extent = 2.0 * (copies.len() as f32).sqrt();
+    let extent = 2.0 * (copies.len().max(1) as f32).sqrt();
     for p in &mut all.positions {
         *p *= Vec3::new(extent, 1.0, extent);
     }
@@ -57,4 +57,22 @@ fn terrain() -> Model {
     let squares = (0..SIDE * SIDE).filter(|i| i % SIDE + 1 < SIDE && i / SIDE + 1 < SIDE);
     let indices = squares.flat_map(|a| [[a, a + SIDE, a + 1], [a + 1, a + SIDE, a + SIDE + 1]]).collect();
     Model { positions, indices, ..Model::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Aabb;
+
+    // Fails when a terrain without copies has no extent.
+    #[test]
+    fn scenes_are_as_large_as_asked_for_and_have_an_extent() {
+        for triangles in [1_000, 600_000] {
+            let model = large(triangles);
+            assert_eq!(model.indices.len(), triangles);
+            let used = model.indices.iter().flatten().map(|&i| model.positions[i as usize]);
+            let bounds = used.fold(Aabb::EMPTY, |all, p| Aabb { min: all.min.min(p), max: all.max.max(p) });
+            assert!((bounds.max - bounds.min).min_element() > 0.0, "{triangles}: {bounds:?}");
+        }
+    }
 }

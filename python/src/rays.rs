@@ -68,8 +68,31 @@ pub(crate) struct Rays {
     pub(crate) invalid: Option<(usize, usize)>,
 }
 
+/// Lists of rays of the last two runs, to be filled again: fresh memory costs as much as what is written to it.
+///
+/// Devices keep the list of a run until the next one, so the one before that is free.
+#[derive(Debug, Default)]
+pub(crate) struct Buffers([Option<Arc<[Ray]>>; 2]);
+
+impl Buffers {
+    /// A list of `count` rays that nobody reads.
+    fn take(&mut self, count: usize) -> Option<Arc<[Ray]>> {
+        let is_free = |list: &Option<Arc<[Ray]>>| {
+            list.as_ref().is_some_and(|list| list.len() == count && Arc::strong_count(list) == 1)
+        };
+        self.0.iter_mut().find(|list| is_free(list))?.take()
+    }
+
+    /// Keeps the list of a run, and the one before it.
+    pub(crate) fn keep(&mut self, list: &Arc<[Ray]>) {
+        self.0.swap(0, 1);
+        self.0[1] = Some(Arc::clone(list));
+    }
+}
+
 /// Makes rays of arrays; `offset` is subtracted from origins in double precision, before they are rounded.
 pub(crate) fn rays(
+    buffers: &mut Buffers,
     origins: &Points<'_>,
     directions: &PyReadonlyArray2<'_, f32>,
     tmin: &Limit<'_>,
@@ -80,9 +103,15 @@ pub(crate) fn rays(
     let (tmin, tmax) = (tmin.slice("tmin")?, tmax.slice("tmax")?);
     let parts = Parts { directions, tmin, tmax };
     match origins {
-        Points::Single(origins) if offset == DVec3::ZERO => parts.with(rows(origins, "origins")?, |&point| point),
-        Points::Single(origins) => parts.with(rows(origins, "origins")?, |point| (point.as_dvec3() - offset).as_vec3()),
-        Points::Double(origins) => parts.with(double_rows(origins, "origins")?, |&point| (point - offset).as_vec3()),
+        Points::Single(origins) if offset == DVec3::ZERO => {
+            parts.with(buffers, rows(origins, "origins")?, |&point| point)
+        }
+        Points::Single(origins) => {
+            parts.with(buffers, rows(origins, "origins")?, |point| (point.as_dvec3() - offset).as_vec3())
+        }
+        Points::Double(origins) => {
+            parts.with(buffers, double_rows(origins, "origins")?, |&point| (point - offset).as_vec3())
+        }
     }
 }
 
@@ -94,7 +123,7 @@ struct Parts<'a> {
 }
 
 impl Parts<'_> {
-    fn with<P>(&self, origins: &[P], place: impl Fn(&P) -> Vec3) -> PyResult<Rays> {
+    fn with<P>(&self, buffers: &mut Buffers, origins: &[P], place: impl Fn(&P) -> Vec3) -> PyResult<Rays> {
         let &Self { directions, tmin, tmax } = self;
         let count = origins.len();
         let is_as_long = |limits: &[f32]| limits.len() == 1 || limits.len() == count;
@@ -104,7 +133,7 @@ impl Parts<'_> {
         // A list of one serves all rays.
         let (every_tmin, every_tmax) = (tmin.len().min(2) - 1, tmax.len().min(2) - 1);
         let (mut first, mut invalid) = (0, 0);
-        let ray = |index: usize| {
+        let mut ray = |index: usize| {
             let (origin, direction) = (place(&origins[index]), directions[index]);
             let (tmin, tmax) = (tmin[index * every_tmin], tmax[index * every_tmax]);
             if !(origin.is_finite() && direction.is_finite()) || tmin.is_nan() || tmax.is_nan() {
@@ -115,7 +144,14 @@ impl Parts<'_> {
             }
             Ray { origin, tmin, direction, tmax }
         };
-        let rays = (0..count).map(ray).collect();
+        let rays = match buffers.take(count) {
+            Some(mut list) => {
+                let slots = Arc::get_mut(&mut list).into_iter().flatten();
+                slots.enumerate().for_each(|(index, slot)| *slot = ray(index));
+                list
+            }
+            None => (0..count).map(&mut ray).collect(),
+        };
         Ok(Rays { rays, invalid: (invalid > 0).then_some((first, invalid)) })
     }
 }

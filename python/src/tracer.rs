@@ -3,7 +3,7 @@
 use crate::errors::{DeviceError, argument, of_run, told};
 use crate::interrupt::interruptible;
 use crate::process;
-use crate::rays::{Limit, Points, Rays, rays};
+use crate::rays::{Buffers, Limit, Points, Rays, rays};
 use crate::run::{Outcome, Run};
 use crate::scene::Scene;
 use numpy::PyReadonlyArray2;
@@ -34,6 +34,7 @@ pub(crate) struct Tracer {
     scene: Arc<Prepared>,
     /// `None` once it is dropped.
     state: Mutex<Option<State>>,
+    buffers: Mutex<Buffers>,
     devices: Vec<String>,
     precision: Precision,
     task_size: u32,
@@ -87,7 +88,7 @@ impl Tracer {
         };
         let (balancer, devices) = interruptible(py, opened)??;
         let state = Mutex::new(Some(State { balancer, scheduling }));
-        Ok(Self { scene, state, devices, precision, task_size, seed })
+        Ok(Self { scene, state, buffers: Mutex::default(), devices, precision, task_size, seed })
     }
 
     /// Names of the devices.
@@ -125,10 +126,14 @@ impl Tracer {
     ) -> PyResult<Run> {
         process::check()?;
         let start = Instant::now();
-        let Rays { rays, invalid } = rays(&origins, &directions, &tmin, &tmax, self.scene.model.offset)?;
+        let Rays { rays, invalid } = {
+            let mut buffers = self.buffers.lock().unwrap_or_else(PoisonError::into_inner);
+            rays(&mut buffers, &origins, &directions, &tmin, &tmax, self.scene.model.offset)?
+        };
         if let Some((first, count)) = invalid.filter(|_| !invalid_miss) {
             return Err(PyValueError::new_err((first, count)));
         }
+        self.buffers.lock().unwrap_or_else(PoisonError::into_inner).keep(&rays);
         let coherence = match coherent {
             None => Coherence::Unknown,
             Some(true) => Coherence::Coherent,

@@ -32,7 +32,7 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let mut ranks = Ranks::join()?;
-    if ranks.size() == 1 {
+    if ranks.size() == 1 && args.checkpoint.is_none() {
         return alone(args);
     }
     let rendered = ranks::render::run(args, &mut ranks);

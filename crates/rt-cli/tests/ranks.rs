@@ -5,7 +5,9 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::thread;
+use std::time::Duration;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_raybalance");
 
@@ -114,6 +116,93 @@ fn a_rank_with_other_options_is_refused_by_name() {
     let error = String::from_utf8_lossy(&run.stderr);
     assert!(!run.status.success(), "{error}");
     assert!(error.contains("rank 1 on ") && error.contains("same files on all nodes"), "{error}");
+}
+
+/// The processes of a run that writes to this folder, with their ranks.
+fn processes(out: &Path) -> Vec<(u32, u32)> {
+    let out = out.to_string_lossy();
+    let read = |process: &Path, file: &str| fs::read(process.join(file)).unwrap_or_default();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let folders = fs::read_dir("/proc").expect("Linux").filter_map(|entry| Some(entry.ok()?.path()));
+    let found = folders.filter_map(|process| {
+        let number = process.file_name()?.to_str()?.parse().ok()?;
+        let words = text(&read(&process, "cmdline"));
+        let is_ours = words.starts_with(PROGRAM) && words.split('\0').any(|word| word == out);
+        let variables = text(&read(&process, "environ"));
+        let rank =
+            variables.split('\0').find_map(|variable| variable.strip_prefix("OMPI_COMM_WORLD_RANK=")?.parse().ok());
+        Some((number, rank.filter(|_| is_ours)?))
+    });
+    found.collect()
+}
+
+/// Kills one of `ranks` processes when about so many bytes of the picture are there; how the run ended.
+fn killed(dir: &Path, ranks: u32, rank: u32, recovers: bool, bytes: u64) -> Output {
+    let [out, kept] = ["out", "kept"].map(|name| dir.join(name));
+    for folder in [&out, &kept] {
+        let _ = fs::remove_dir_all(folder);
+    }
+    let mut run = mpirun(ranks);
+    if recovers {
+        run.arg("--enable-recovery");
+    }
+    run.arg(PROGRAM).args(PICTURE).arg("--out").arg(&out).arg("--checkpoint").arg(&kept);
+    let mut run = run.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("the launcher starts");
+    let file = kept.join("frame-0000.tiles");
+    loop {
+        let is_over = run.try_wait().expect("a child").is_some();
+        if is_over || fs::metadata(&file).is_ok_and(|about| about.len() >= bytes) {
+            break;
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    for (number, _) in processes(&out).into_iter().filter(|&(_, other)| other == rank) {
+        let _ = Command::new("kill").args(["-KILL", &number.to_string()]).status();
+    }
+    run.wait_with_output().expect("a child")
+}
+
+/// How often a rank is killed: `RAYBALANCE_TRIALS` for more.
+fn trials() -> u32 {
+    std::env::var("RAYBALANCE_TRIALS").ok().and_then(|trials| trials.parse().ok()).unwrap_or(6)
+}
+
+/// Fails when the tiles of a killed rank are lost or counted twice, or when the others wait for it.
+#[test]
+fn a_killed_rank_costs_nothing_with_recovery() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let alone = dir.path().join("alone");
+    succeeded(Command::new(PROGRAM).args(PICTURE).arg("--out").arg(&alone));
+    for trial in 0..trials() {
+        let bytes = u64::from(trial.wrapping_mul(2_654_435_761) >> 8) % 250_000;
+        let ended = killed(dir.path(), 3 + trial % 2, 1 + trial % 2, true, bytes);
+        let error = String::from_utf8_lossy(&ended.stderr);
+        assert!(picture(&dir.path().join("out")) == picture(&alone), "another picture: {error}");
+        let report = fs::read(dir.path().join("out/report.json")).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        let dealt = &report["cluster"][0];
+        let tiles = dealt["ranks"].as_array().expect("ranks").iter().map(|rank| rank["tiles"].as_u64());
+        assert_eq!(tiles.map(|tiles| tiles.expect("a number")).sum::<u64>(), dealt["tiles"], "{dealt}");
+    }
+}
+
+/// Fails when a part of a picture is passed off as whole, or what was finished is lost.
+#[test]
+fn without_recovery_a_run_ends_and_can_be_resumed() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let [alone, out, kept] = ["alone", "out", "kept"].map(|name| dir.path().join(name));
+    succeeded(Command::new(PROGRAM).args(PICTURE).arg("--out").arg(&alone));
+    for rank in [0, 1] {
+        let ended = killed(dir.path(), 3, rank, false, 30_000);
+        assert!(!ended.stderr.is_empty() || ended.status.success(), "an end without a word");
+        // The run may have been over when the process was killed.
+        assert!(!out.join("image.png").exists() || picture(&out) == picture(&alone), "a picture of a part");
+        // With another number of processes.
+        let mut again = mpirun(2);
+        again.arg(PROGRAM).args(PICTURE).arg("--out").arg(&out).arg("--checkpoint").arg(&kept);
+        succeeded(&mut again);
+        assert!(picture(&out) == picture(&alone), "another picture after rank {rank} was killed");
+    }
 }
 
 #[test]

@@ -47,6 +47,7 @@
 //! Current state and limits: rank 0 cannot be lost (the others say so and end); all messages are point to point.
 #![deny(unsafe_code)]
 
+mod checkpoint;
 mod deal;
 mod error;
 mod ledger;
@@ -61,6 +62,7 @@ pub mod simulate;
 mod transport;
 mod worker;
 
+pub use checkpoint::{Checkpoint, CheckpointError};
 pub use deal::{Deal, Dealt, Finished, Job, Take, deal, host};
 pub use error::ClusterError;
 pub use ledger::{Lease, Ledger};

@@ -14,6 +14,8 @@ pub struct Server {
     fingerprint: u64,
     patience: Patience,
     peers: Vec<Peer>,
+    /// How many of them are present.
+    present: usize,
     again: u32,
 }
 
@@ -51,34 +53,28 @@ impl Server {
     pub fn new(ledger: Ledger, ranks: u32, fingerprint: u64, patience: Patience, now: Duration) -> Self {
         let peer =
             || Peer { standing: Standing::Awaited, heard: now, spoken: now, want: None, report: RankReport::default() };
-        Self { ledger, fingerprint, patience, peers: (0..ranks).map(|_| peer()).collect(), again: 0 }
+        Self { ledger, fingerprint, patience, peers: (0..ranks).map(|_| peer()).collect(), present: 0, again: 0 }
     }
 
     /// Takes a message of rank `from`; what is to be said to whom is added to `out`. Returns whether the bytes that
     /// followed the message are the first result of a tile, which counts.
     pub fn receive(&mut self, now: Duration, from: u32, message: ToServer, out: &mut Vec<(u32, ToWorker)>) -> bool {
-        let own_host = self.peers.first().map(|own| own.report.host.clone()).unwrap_or_default();
         let Some(peer) = self.peers.get_mut(from as usize) else { return false };
         peer.heard = now;
         if let Standing::Lost(_) = peer.standing {
             // It was late, not lost. What it asked for meanwhile still holds.
-            peer.standing = Standing::Present;
+            self.stand(from, Standing::Present);
         }
+        let peer = &mut self.peers[from as usize];
         let mut is_first = false;
         match message {
             ToServer::Hello { fingerprint, host } => {
                 peer.report.host = host;
                 if fingerprint == self.fingerprint {
-                    peer.standing = Standing::Present;
+                    self.stand(from, Standing::Present);
                     self.say(now, from, ToWorker::Welcome, out);
                 } else {
-                    let why = format!(
-                        "scene, options or program of rank {from} on {} differ from those of rank 0 on {own_host}: start \
-                         the same command with the same files on all nodes",
-                        peer.report.host
-                    );
-                    self.say(now, from, ToWorker::Refused(why), out);
-                    self.dismiss(from, Standing::Gone("scene, options or program differ from rank 0's".to_owned()));
+                    self.refuse(now, from, out);
                 }
             }
             ToServer::Prices(prices) => prices.into_iter().for_each(|price| self.ledger.price(price)),
@@ -93,17 +89,27 @@ impl Server {
                 }
             }
             ToServer::Alive => {}
-            ToServer::Failed(why) => self.dismiss(from, Standing::Gone(why)),
+            ToServer::Failed(why) => self.dismiss(now, from, Standing::Gone(why), out),
         }
-        self.serve(now, out);
+        self.serve(now, from, out);
         is_first
+    }
+
+    /// Sends a rank away that has another job.
+    fn refuse(&mut self, now: Duration, rank: u32, out: &mut Vec<(u32, ToWorker)>) {
+        let [host, own] = [rank, 0].map(|rank| &self.peers[rank as usize].report.host);
+        let why = format!(
+            "scene, options or program of rank {rank} on {host} differ from those of rank 0 on {own}: start the same \
+             command with the same files on all nodes"
+        );
+        self.say(now, rank, ToWorker::Refused(why), out);
+        self.dismiss(now, rank, Standing::Gone("scene, options or program differ from rank 0's".to_owned()), out);
     }
 
     /// Notes that a rank is known to be lost.
     pub fn lose(&mut self, now: Duration, rank: u32, why: String, out: &mut Vec<(u32, ToWorker)>) {
         if self.peers.get(rank as usize).is_some_and(|peer| !matches!(peer.standing, Standing::Gone(_))) {
-            self.dismiss(rank, Standing::Lost(why));
-            self.serve(now, out);
+            self.dismiss(now, rank, Standing::Lost(why), out);
         }
     }
 
@@ -119,42 +125,46 @@ impl Server {
                 _ => Duration::MAX,
             };
             if silent > limit {
-                self.dismiss(rank, Standing::Lost(format!("was not heard of for {} s", limit.as_secs_f64())));
+                let why = format!("was not heard of for {} s", limit.as_secs_f64());
+                self.dismiss(now, rank, Standing::Lost(why), out);
             } else if now.saturating_sub(peer.spoken) > self.patience.heartbeat && peer.standing == Standing::Present {
                 self.say(now, rank, ToWorker::Alive, out);
             }
         }
-        self.serve(now, out);
     }
 
-    /// Gives ranks that want tiles what there is.
+    /// Gives a rank what it wants, if there is something.
     ///
     /// Tiles are let late and in small numbers: what is let is decided. So where there are fewer tiles than ranks only
     /// a rank that is idle gets one.
-    fn serve(&mut self, now: Duration, out: &mut Vec<(u32, ToWorker)>) {
-        let is_present = |peer: &Peer| peer.standing == Standing::Present;
-        let ranks = self.peers.iter().filter(|peer| is_present(peer)).count().max(1);
-        for rank in 0..self.peers.len() as u32 {
-            let free = self.ledger.free();
-            let peer = &mut self.peers[rank as usize];
-            let Some(Want { cost, is_idle }) = peer.want.filter(|_| peer.standing == Standing::Present) else {
-                continue;
-            };
-            if free == 0 || (free < ranks && !is_idle) {
-                continue;
-            }
-            peer.want = None;
-            let most = (free / (2 * ranks)).clamp(1, MOST);
-            let leases = self.ledger.let_to(rank, cost, most);
-            self.say(now, rank, ToWorker::Lease(leases), out);
+    fn serve(&mut self, now: Duration, rank: u32, out: &mut Vec<(u32, ToWorker)>) {
+        let (free, ranks) = (self.ledger.free(), self.present.max(1));
+        let peer = &mut self.peers[rank as usize];
+        let Some(Want { cost, is_idle }) = peer.want.filter(|_| peer.standing == Standing::Present) else { return };
+        if free == 0 || (free < ranks && !is_idle) {
+            return;
         }
+        peer.want = None;
+        let most = (free / (2 * ranks)).clamp(1, MOST);
+        let leases = self.ledger.let_to(rank, cost, most);
+        self.say(now, rank, ToWorker::Lease(leases), out);
     }
 
-    fn dismiss(&mut self, rank: u32, standing: Standing) {
-        let freed = self.ledger.retire(rank);
+    /// Notes how a rank stands.
+    fn stand(&mut self, rank: u32, standing: Standing) {
         let peer = &mut self.peers[rank as usize];
+        self.present += usize::from(standing == Standing::Present);
+        self.present -= usize::from(peer.standing == Standing::Present);
         peer.standing = standing;
-        peer.report.dealt_again += freed;
+    }
+
+    /// Takes from a rank what it has, for the others.
+    fn dismiss(&mut self, now: Duration, rank: u32, standing: Standing, out: &mut Vec<(u32, ToWorker)>) {
+        self.stand(rank, standing);
+        let freed = self.ledger.retire(rank);
+        self.peers[rank as usize].report.dealt_again += freed;
+        // Also where nothing came free: the last tiles are shared among fewer.
+        (0..self.peers.len() as u32).for_each(|rank| self.serve(now, rank, out));
     }
 
     fn say(&mut self, now: Duration, rank: u32, message: ToWorker, out: &mut Vec<(u32, ToWorker)>) {

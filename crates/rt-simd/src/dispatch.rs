@@ -67,7 +67,11 @@ impl Batch<'_> {
     #[inline(always)]
     fn trace<L: Level, const ANY: bool>(self, level: L) {
         let Self { tree, frame, packet, few, query, mut excluded, .. } = self;
+        let mut next = self.rays.chunks(RAYS).skip(1);
         for (rays, hits) in self.rays.chunks(RAYS).zip(self.hits.chunks_mut(RAYS)) {
+            // What a caller has in memory is seldom in the cache.
+            level.fetch(bytemuck::cast_slice(hits));
+            level.fetch(bytemuck::cast_slice(next.next().unwrap_or_default()));
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let mut extreme = 0;

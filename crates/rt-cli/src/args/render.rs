@@ -49,6 +49,10 @@ pub(crate) struct RenderArgs {
     /// Folder for image.png, cost.png, timeline.svg, trace.json, report.json and report.html
     #[arg(long, help_heading = heading::OUTPUT, default_value = "out", value_name = "DIR")]
     pub(crate) out: PathBuf,
+    /// Folder that keeps what is finished, so that the same command goes on where it was stopped or killed, with any
+    /// number of processes; only pictures and report.json are written then
+    #[arg(long, value_name = "DIR")]
+    pub(crate) checkpoint: Option<PathBuf>,
     /// Print the report as JSON instead of tables
     #[arg(long, help_heading = heading::OUTPUT)]
     pub(crate) json: bool,

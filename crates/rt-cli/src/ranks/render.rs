@@ -7,7 +7,7 @@ use crate::render::{self, Stage};
 use crate::report::{Report, SCHEMA};
 use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
-use rt_cluster::{Deal, Finished, deal};
+use rt_cluster::{Checkpoint, Deal, Finished, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
 use rt_render::{Film, Session};
 use rt_report::Provenance;
@@ -16,6 +16,9 @@ use rt_report::usage::usage;
 use rt_scene::streams::Waves;
 use std::io::{self, Write};
 use std::time::Instant;
+
+/// For so many processes pictures with a checkpoint are cut, since any number of them may go on with it.
+const ANY_RANKS: u32 = 16;
 
 /// Renders this process's part; whether all processes are there still.
 pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
@@ -49,12 +52,23 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         };
         let mut took = vec![0.0; count as usize];
         let bar = progress::bar("rendering", count.into());
-        let mut take = |Finished { tile, seconds, bytes }: Finished<'_>| {
+        let mut gather = |Finished { tile, seconds, bytes }: Finished<'_>| {
             let pixels = tiles.wave(tile.into()).pixels;
             film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?);
             took[tile as usize] = seconds;
             bar.inc(1);
             Ok(())
+        };
+        let kept = args.checkpoint.as_ref().filter(|_| is_first).map(|folder| {
+            let file = folder.join(format!("frame-{frame:04}.tiles"));
+            Checkpoint::open(&file, about.fingerprint, count, &mut gather)
+        });
+        let (mut checkpoint, finished) = kept.transpose()?.unzip();
+        let finished = finished.unwrap_or_default();
+        let about = Deal { finished: &finished, ..about };
+        let mut take = |done: Finished<'_>| {
+            gather(done)?;
+            checkpoint.as_mut().map_or(Ok(()), |checkpoint: &mut Checkpoint| checkpoint.add(done))
         };
         let mut job = FrameTiles { renderer: &renderer, session: &mut session, paths: &paths, frame, tiles };
         let dealt = deal(&mut *transport, &about, &mut job, &mut take);
@@ -102,7 +116,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
 /// Cuts the picture into tiles. Free memory does not decide how: it differs between machines, the cut must not.
 fn cut(args: &RenderArgs, ranks: &Ranks) -> Result<Waves> {
     let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory)?;
-    let tiles = tiles::cut(waves, args.spp, ranks.size());
+    let tiles = tiles::cut(waves, args.spp, args.checkpoint.as_ref().map_or(ranks.size(), |_| ANY_RANKS));
     let tile = tiles.largest() * u64::from(args.spp) * BYTES_PER_PATH;
     let picture = if ranks.rank() == 0 { tiles.pixels() * Film::BYTES_PER_PIXEL } else { 0 };
     let what = format!("a picture of {} pixels in tiles of {}", tiles.pixels(), memory::size(tile));

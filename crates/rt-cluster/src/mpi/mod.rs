@@ -79,13 +79,20 @@ impl World {
         MpiRank { world: self, sending: Vec::new(), receiving: VecDeque::new(), lost: Vec::new() }
     }
 
-    /// Leaves in good order, together with all other ranks. Where one of them is lost that would wait for ever, so MPI
-    /// is left as it is; it must run with `--enable-recovery` then.
+    /// Leaves in good order, together with all other ranks, if `is_complete` says that they are there.
+    ///
+    /// That waits for all of them, for ever where one is lost, even if nobody knows yet. So it is not done where a loss
+    /// is to be survived: MPI is left as it is then, which a launcher that recovers does not mind.
     pub fn leave(self, is_complete: bool) {
-        if !is_complete {
+        if !is_complete || recovers() {
             mem::forget(self.universe);
         }
     }
+}
+
+/// Whether the launcher lets the others go on when a rank is lost (OpenMPI's `--enable-recovery`).
+fn recovers() -> bool {
+    std::env::var("OMPI_MCA_orte_enable_recovery").is_ok_and(|value| value != "0")
 }
 
 /// This rank's messages.

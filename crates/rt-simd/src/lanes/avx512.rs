@@ -1,7 +1,7 @@
 //! Lanes in words of AVX-512: sixteen numbers each.
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
-use super::{Doubles8, Floats, Floats8, Floats16, LANES, Lanes, Level, Slots};
+use super::{Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Slots};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Sub};
 
@@ -83,6 +83,13 @@ impl Level for Avx512 {
     #[inline(always)]
     fn load12(self, from: &[f32; LANES]) -> F16 {
         F16(avx512!(_mm512_maskz_loadu_ps(0xfff, from.as_ptr())))
+    }
+
+    #[inline(always)]
+    fn fetch(self, bytes: &[u8]) {
+        for line in bytes.chunks(LINE) {
+            avx512!(_mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()));
+        }
     }
 
     #[inline(always)]

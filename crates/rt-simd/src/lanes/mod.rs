@@ -17,6 +17,10 @@ mod tests;
 
 use core::ops::{Add, Div, Mul, Sub};
 
+/// Bytes that come into a cache together.
+#[cfg(target_arch = "x86_64")]
+const LINE: usize = 64;
+
 /// Lanes of a word of single-precision numbers: rays that are set up and tested together.
 pub(crate) const LANES: usize = 16;
 
@@ -82,6 +86,9 @@ pub(crate) trait Level: Copy {
 
     /// The first twelve of sixteen numbers, and zeros.
     fn load12(self, from: &[f32; LANES]) -> Self::F16;
+
+    /// Asks for bytes to be brought into the cache, where the processor can be asked.
+    fn fetch(self, bytes: &[u8]);
 
     /// The columns of a table of sixteen rows.
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [Self::F16; 8];

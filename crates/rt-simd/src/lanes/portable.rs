@@ -63,6 +63,9 @@ impl Level for Portable {
     }
 
     #[inline(always)]
+    fn fetch(self, _: &[u8]) {}
+
+    #[inline(always)]
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [F16; 8] {
         from_fn(|column| F16(from_fn(|row| rows[row][column])))
     }

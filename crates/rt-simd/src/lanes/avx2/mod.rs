@@ -1,7 +1,7 @@
 //! Lanes in words of AVX2: two of eight numbers, or of four in double precision.
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
-use super::{LANES, Lanes, Level};
+use super::{LANES, LINE, Lanes, Level};
 use core::arch::x86_64::*;
 
 /// Proof that the processor has AVX2 with FMA, BMI, LZCNT and POPCNT.
@@ -87,6 +87,13 @@ impl Level for Avx2 {
             _mm256_set_m128(_mm_loadu_ps(quarters[1].as_ptr()), _mm_loadu_ps(quarters[0].as_ptr())),
             _mm256_zextps128_ps256(_mm_loadu_ps(quarters[2].as_ptr())),
         ]))
+    }
+
+    #[inline(always)]
+    fn fetch(self, bytes: &[u8]) {
+        for line in bytes.chunks(LINE) {
+            avx2!(_mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()));
+        }
     }
 
     #[inline(always)]
