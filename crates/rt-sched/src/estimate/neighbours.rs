@@ -43,8 +43,8 @@ const FURTHEST: f64 = 1.0;
 /// 99% of tasks that are alike.
 ///
 /// A mean is moved by no more than its own standard error (limited translation: B. Efron and C. Morris, *Limiting the
-/// Risk of Bayes and Empirical Bayes Estimators*, 1972), so that the few tasks that are much more expensive than what is
-/// beside them are not pulled down.
+/// Risk of Bayes and Empirical Bayes Estimators*, 1972), so that the few tasks that are much more expensive than what
+/// is beside them are not pulled down.
 ///
 /// Tasks without samples are `None`, and stay so.
 pub(super) fn shrunk(tasks: &[Option<Own>]) -> impl Iterator<Item = Option<Believed>> {
