@@ -29,6 +29,9 @@ const REACH: usize = 2;
 /// percent less of the tasks, and a whole stream is not alike everywhere.
 const JUDGED: usize = 16;
 
+/// How far a mean is moved at most, in its own standard errors.
+const FURTHEST: f64 = 1.0;
+
 /// Shrinks each task's mean towards its neighbours', as far as its own is uncertain and theirs are alike.
 ///
 /// Empirical Bayes after B. Efron and C. Morris, *Stein's Estimation Rule and Its Competitors* (1973), in the form of
@@ -38,6 +41,10 @@ const JUDGED: usize = 16;
 /// That t² is itself uncertain is left out (N. Prasad and J. Rao, *The Estimation of the Mean Squared Error of
 /// Small-Area Estimators*, 1990): without their term 95% intervals hold in 93 to 97% of real scenes' tasks, with it in
 /// 99% of tasks that are alike.
+///
+/// A mean is moved by no more than its own standard error (limited translation: B. Efron and C. Morris, *Limiting the
+/// Risk of Bayes and Empirical Bayes Estimators*, 1972), so that the few tasks that are much more expensive than what
+/// is beside them are not pulled down.
 ///
 /// Tasks without samples are `None`, and stay so.
 pub(super) fn shrunk(tasks: &[Option<Own>]) -> impl Iterator<Item = Option<Believed>> {
@@ -49,7 +56,8 @@ pub(super) fn shrunk(tasks: &[Option<Own>]) -> impl Iterator<Item = Option<Belie
     sums.extend(tasks.iter().zip(&beside).map(|pair| {
         if let (Some(own), Some(others)) = pair {
             let difference = own.mean[0] + own.mean[1] - others.mean[0] - others.mean[1];
-            sum = (sum.0 + difference * difference - own.variance - others.variance, sum.1 + 1.0);
+            let off = difference * difference - own.variance - others.variance;
+            sum = (sum.0 + off, sum.1 + 1.0);
         }
         sum
     }));
@@ -62,6 +70,9 @@ pub(super) fn shrunk(tasks: &[Option<Own>]) -> impl Iterator<Item = Option<Belie
         };
         let apart = others.variance + (off / judged).max(0.0);
         let borrowed = own.variance / (own.variance + apart).max(f64::MIN_POSITIVE);
+        let shift = (others.mean[0] + others.mean[1] - own.mean[0] - own.mean[1]).abs();
+        let most = FURTHEST * libm::sqrt(own.variance) / shift.max(f64::MIN_POSITIVE);
+        let borrowed = borrowed.min(most);
         let mean = core::array::from_fn(|part| own.mean[part] + borrowed * (others.mean[part] - own.mean[part]));
         Some(Believed { mean, left: 1.0 - borrowed })
     })
@@ -82,4 +93,31 @@ fn mean_beside(tasks: &[Option<Own>], at: usize) -> Option<Own> {
     });
     let mean = sum.mean.map(|part| part / count);
     (count > 0.0).then(|| Own { mean, variance: sum.variance / (count * count) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use alloc::vec;
+
+    /// A task of ten times its neighbours' mean, whose variance is as large as its mean is, moves by its own standard
+    /// error, and claims no more certainty than that gives; one of nearly their mean moves all the way.
+    ///
+    /// Mutants: no `FURTHEST`; an error that is left as if the mean had been moved all the way.
+    #[test]
+    fn nobody_is_moved_further_than_its_own_error() {
+        let own = |mean: f64, variance: f64| Some(Own { mean: [mean, 0.0], variance });
+        let mut tasks = vec![own(100.0, 100.0); 33];
+        tasks[16] = own(1_000.0, 1e6);
+        tasks[3] = own(104.0, 100.0);
+        let believed: Vec<Option<Believed>> = shrunk(&tasks).collect();
+        let of = |at: usize| believed[at].expect("it has samples");
+        // An own error of 1,000, of which it needs 900; nine tenths of what there is between them is theirs.
+        assert!(of(16).mean[0] < 200.0, "{:?}", of(16));
+        tasks[16] = own(1_000.0, 1e4);
+        let moved = shrunk(&tasks).nth(16).flatten().expect("it has samples");
+        assert!((899.0..=1_000.0).contains(&moved.mean[0]), "{moved:?}");
+        assert!(moved.left >= 1.0 - 100.0 / 900.0 - 1e-9, "{moved:?}");
+        assert!((100.0..101.5).contains(&of(3).mean[0]), "{:?}", of(3));
+    }
 }
