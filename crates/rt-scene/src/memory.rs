@@ -13,6 +13,12 @@ pub(crate) fn list<T>(count: usize) -> Result<Vec<T>, NoMemory> {
     Ok(list)
 }
 
+/// Makes sure that messages, names and other small things still have room, which are not asked for one by one: asks for
+/// a megabyte and gives it back.
+pub(crate) fn spare() -> Result<(), NoMemory> {
+    list::<u8>(1 << 20).map(drop)
+}
+
 /// Adds an item.
 #[inline]
 pub(crate) fn push<T>(list: &mut Vec<T>, item: T) -> Result<(), NoMemory> {

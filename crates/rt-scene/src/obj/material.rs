@@ -3,7 +3,7 @@
 use super::statement::{Name, Statement, Statements};
 use super::text::decode;
 use super::{Fault, number};
-use crate::memory::{NoMemory, list, push};
+use crate::memory::{NoMemory, list, push, spare};
 use crate::model::UNCOLOURED;
 use glam::{DMat3, DVec3, Vec3};
 use std::borrow::Cow;
@@ -89,6 +89,7 @@ pub(super) fn colour(
     triangles: usize,
     read: &dyn Fn(&str) -> io::Result<Vec<u8>>,
 ) -> Result<Colours, Fault> {
+    spare()?;
     let mut shelf = Shelf { read, known: Known::default(), tried: HashMap::new(), missing: None, broken: Vec::new() };
     uses.libraries.iter().try_for_each(|names| shelf.load_all(&names.text()))?;
     let Shelf { known, missing, broken, .. } = shelf;
@@ -99,13 +100,14 @@ pub(super) fn colour(
     // Colour 0 for faces without material and unknown ones, then one for each material that is used.
     let most = usize::from(u16::MAX);
     let mut index_of = list(uses.names.len())?;
+    spare()?;
     for (name, _) in &uses.names {
         let colour = known.find(&name.text());
         let fits = colours.palette.len() <= most;
         index_of.push(match colour {
             Some(_) if !fits => Some(0),
             Some(colour) => {
-                colours.palette.push(colour);
+                push(&mut colours.palette, colour)?;
                 Some((colours.palette.len() - 1) as u16)
             }
             None => None,
@@ -237,7 +239,7 @@ impl Shelf<'_> {
             let keyword = statement.keyword();
             if keyword.eq_ignore_ascii_case(b"newmtl") {
                 self.known.extend(material.take());
-                material = Some((statement.name().text(), None));
+                material = Some((statement.name().text().into_owned(), None));
             } else if keyword.eq_ignore_ascii_case(b"Kd")
                 && let Some((_, colour)) = &mut material
             {

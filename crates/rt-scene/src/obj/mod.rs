@@ -28,7 +28,7 @@ pub use crate::progress::{LoadProgress, LoadStage, Watch, unwatched};
 pub use error::{Defect, Fault, LoadError};
 
 use crate::Model;
-use crate::memory::grow;
+use crate::memory::{grow, spare};
 use crate::progress::Meter;
 use geometry::{Geometry, Noticed};
 use glam::DVec3;
@@ -136,6 +136,7 @@ fn load(
     let mut geometry = geometry.without_text();
     drop(text);
     let placed = place::place(&mut geometry, options, watch)?;
+    spare()?;
     let mut warnings = warnings(name, &geometry, &placed);
     warnings.extend(colours.warnings);
     let notes = offset_note(name, &placed).into_iter().collect();

@@ -1,6 +1,7 @@
 //! The statements of an OBJ or MTL text: logical lines with the number of the physical line where they begin.
 
 use memchr::memchr2;
+use std::borrow::Cow;
 
 /// A line that is neither empty nor a comment, with the lines that continue it.
 #[derive(Clone, Copy, Debug)]
@@ -47,26 +48,22 @@ impl<'a> Statement<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Name<'a>(&'a [u8]);
 
-impl Name<'_> {
+impl<'a> Name<'a> {
     pub(super) const fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
     /// The name's characters. Bytes that are not UTF-8 are taken for Latin-1, so that the same name is read alike in
     /// files of both.
-    pub(super) fn text(&self) -> String {
-        let joined;
-        let bytes = if memchr2(b'\n', b'\r', self.0).is_some() {
-            joined = Words { rest: self.0 }.collect::<Vec<_>>().join(&b' ');
-            &joined[..]
-        } else {
-            self.0
+    pub(super) fn text(&self) -> Cow<'a, str> {
+        let characters = |bytes: &[u8]| match str::from_utf8(bytes) {
+            Ok(name) => name.trim().to_owned(),
+            Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect::<String>().trim().to_owned(),
         };
-        let name = match str::from_utf8(bytes) {
-            Ok(name) => name.to_owned(),
-            Err(_) => bytes.iter().map(|&byte| char::from(byte)).collect(),
-        };
-        name.trim().to_owned()
+        if memchr2(b'\n', b'\r', self.0).is_some() {
+            return characters(&Words { rest: self.0 }.collect::<Vec<_>>().join(&b' ')).into();
+        }
+        str::from_utf8(self.0).map_or_else(|_| characters(self.0).into(), |name| name.trim().into())
     }
 }
 
