@@ -34,8 +34,12 @@ use std::time::Duration;
 /// on other devices or the same, or waits behind the caller's own lock.
 #[derive(Debug)]
 pub struct Balancer {
-    scene: Arc<Scene>,
-    members: Vec<DeviceState>,
+    pub(crate) scene: Arc<Scene>,
+    pub(crate) members: Vec<DeviceState>,
+    /// One for each member.
+    pub(crate) opened: Vec<Arc<dyn Device>>,
+    /// What a ray was expected to cost in the tree that was built; `None` until it is asked for.
+    pub(crate) built_cost: Option<f32>,
     origin: Duration,
     /// Of [`Balancer::trace_rays`].
     scheduling: Scheduling,
@@ -66,7 +70,8 @@ impl Balancer {
             return Err(BalanceError::NoDevices);
         }
         let (members, scheduling) = (Vec::with_capacity(devices.len()), Scheduling::default());
-        let mut balancer = Self { scene, members, origin: clock::now(), scheduling };
+        let opened = devices.to_vec();
+        let mut balancer = Self { scene, members, opened, built_cost: None, origin: clock::now(), scheduling };
         for (index, device) in devices.iter().enumerate() {
             let member = DeviceState::open(index, device, &balancer.scene);
             balancer

@@ -84,6 +84,11 @@ impl DeviceState {
         })
     }
 
+    /// Takes over what was learnt of the device with another scene.
+    pub(crate) fn inherit(&mut self, before: Self) {
+        (self.info, self.models, self.buffers) = (before.info, before.models, before.buffers);
+    }
+
     /// Whether the device has not failed.
     pub(crate) const fn is_alive(&self) -> bool {
         self.thread.is_some()

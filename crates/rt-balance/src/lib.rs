@@ -54,6 +54,7 @@ pub mod report;
 mod run;
 pub mod stats;
 mod stream;
+mod update;
 mod walk;
 
 pub use answers::Audit;
@@ -66,6 +67,7 @@ use rt_core::clock;
 pub use rt_core::clock::now as clock;
 pub use rt_sched::queue::QueueKind;
 pub use stream::{Control, DEFAULT_TASK_SIZE, Finished, Scheduling, Stream};
+pub use update::{MOST_GROWTH, Updated};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]
@@ -82,8 +84,8 @@ pub use backend_wgpu as wgpu;
 // Whatever a signature above or a part of a caller's own may name, so that this crate is the only dependency they need.
 pub use glam;
 pub use rt_bvh::{
-    BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, PlocQuality, build,
-    build_with,
+    BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, PlocQuality, TreeStats,
+    build, build_with, refit,
 };
 pub use rt_core::{
     Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,

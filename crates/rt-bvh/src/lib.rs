@@ -40,7 +40,7 @@ mod wide;
 use rt_core::scale;
 
 pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
-pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, build_with};
+pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, build_with, refit};
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, UnknownBuilder};
 pub use stats::TreeStats;
 #[cfg(target_arch = "x86_64")]

@@ -5,6 +5,7 @@ mod draft;
 mod gather;
 mod parallel;
 mod ploc;
+mod refit;
 mod reinsert;
 mod sah;
 
@@ -18,6 +19,8 @@ use core::mem::take;
 use gather::{Gathered, Reference};
 use parallel::each;
 use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
+
+pub use refit::refit;
 
 /// Builds a scene from `mesh`.
 ///
