@@ -7,7 +7,7 @@ use rt_core::Scene;
 use std::sync::Arc;
 
 /// How many times as expensive as the tree that was built a fitted one may be, by the surface area heuristic: beyond,
-/// it is built anew. A build takes some ten times as long as fitting, and so pays within some frames.
+/// it is built anew.
 pub const MOST_GROWTH: f32 = 1.5;
 
 /// How a balancer's tree came to fit the triangles again.

@@ -15,7 +15,7 @@ use rt_core::{CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, 
 /// * **There is a past.** The measured seconds of the last stream of the kind and part tell what its tasks cost: off
 ///   by 2 to 4% while a camera turns by up to a degree from one to the next. Every stream leaves such a past, also one
 ///   that was traced without an estimate.
-/// * **There is none, and the queue cannot mend what it does not know**: less than [`FEW`] tasks a device, static
+/// * **There is none, and the queue cannot mend what it does not know**: fewer than 32 tasks a device, static
 ///   lists, or launches so expensive that the queue makes few of them ([`RayStream::moves`]). Then two samples of each
 ///   task are walked, if they cost less than half of what is expected to be lost without
 ///   ([`RayStream::uninformed_excess`]).
