@@ -56,7 +56,8 @@ int main(void) {
         failures++;
     }
 
-    enum { RAYS = 5000 };
+    /* So many that they are not traced in one launch. */
+    enum { RAYS = 300000 };
     static rb_ray rays[RAYS];
     static rb_hit hits[RAYS];
     static rb_counts counts[RAYS];
@@ -74,7 +75,7 @@ int main(void) {
 
     /* Cancelled by its own first task; then before it begins; then not. */
     cancelled = tracer;
-    const rb_options stopping = {.task_size = 10, .finished = cancel};
+    const rb_options stopping = {.task_size = 100, .finished = cancel};
     EXPECT(rb_trace(tracer, rays, RAYS, &stopping, hits, NULL, NULL), RB_CANCELLED, "cancelled");
     rb_cancel(NULL);
     rb_cancel(tracer);

@@ -21,6 +21,8 @@ const PAGES: [(&str, &[&str]); 3] = [
             "car",
             "--size",
             "64x40",
+            "--task-size",
+            "1024",
             "--spp",
             "1",
             "--devices",

@@ -72,8 +72,12 @@ impl Pasts {
         Some(Recalled { work: work.map(|w| w.with_std_error(off * w.tests())).collect(), counts: past.counts })
     }
 
-    /// Keeps the estimate that a stream is scheduled by, to be corrected by what is measured.
+    /// Keeps the estimate that a stream is scheduled by, to be corrected by what is measured. A stream without tasks
+    /// tells nothing of the next one.
     pub(super) fn remember(&mut self, stream: RayStream<'_>, work: &[Work], counts: CountsToken) {
+        if stream.tasks.is_empty() {
+            return;
+        }
         let rays = stream.tasks.iter().map(|t| t.rays).collect();
         let (kind, wave, work) = (stream.kind, stream.wave, work.to_vec());
         let new = Past { kind, wave, rays, work, counts, outcomes: Vec::new(), misses: Misses::default() };

@@ -218,3 +218,19 @@ fn auto_learns_from_every_stream() {
     estimate(&mut auto, other, &diffuse);
     assert_eq!((auto.name(), auto.chosen()), ("auto", "uniform"));
 }
+
+/// Mutant: a past of no tasks, from which the next stream is thought to be known.
+#[test]
+fn a_stream_without_tasks_leaves_no_past() {
+    let tasks = tasks_of(256 * 1_024, 1_024);
+    for mut estimator in [Box::new(Auto::default()) as Box<dyn CostEstimator>, Box::new(History::default())] {
+        estimate(&mut *estimator, super::stream(StreamKind::Custom, &[], 1), &patchy);
+        let (after, walked) = estimate(&mut *estimator, super::stream(StreamKind::Custom, &tasks, 2), &patchy);
+        let mut fresh: Box<dyn CostEstimator> = match estimator.name() {
+            "auto" => Box::new(Auto::default()),
+            _ => Box::new(History::default()),
+        };
+        let expected = estimate(&mut *fresh, super::stream(StreamKind::Custom, &tasks, 2), &patchy);
+        assert_eq!((after, walked, estimator.chosen()), (expected.0, expected.1, fresh.chosen()));
+    }
+}
