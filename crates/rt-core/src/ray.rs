@@ -206,7 +206,7 @@ pub enum Query {
 /// How carefully a ray is tested against triangles and boxes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Precision {
-    /// Single-precision tests whose every doubtful sign is decided in double precision, and conservative boxes:
+    /// Single-precision tests whose every doubtful sign is decided in double precision or exactly, conservative boxes:
     /// the same hits as [`Precision::Double`], watertight, at near the price of [`Precision::Fast`].
     #[default]
     Robust,

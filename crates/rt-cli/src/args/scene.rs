@@ -15,14 +15,14 @@ pub(crate) struct SceneArgs {
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
     #[arg(long, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,
-    /// Triangle tests: robust (watertight), fast (leaks on edges), f64; default: what the scene requires
+    /// Triangle tests: robust (exact, watertight), fast (leaks on edges), f64; default: what the scene requires
     #[arg(long, value_enum)]
     pub(crate) precision: Option<PrecisionArg>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum PrecisionArg {
-    /// Watertight: single precision, doubtful cases decided in double
+    /// Exact: single precision decides, double and exact arithmetic where it cannot
     Robust,
     /// Plain single precision; may leak between triangles
     Fast,

@@ -123,8 +123,10 @@ fn precision(scan: &Scan, reasons: &mut Vec<String>) -> Precision {
         return Precision::Double;
     }
     reasons.push(match scan.slivers {
-        0 => "robust precision: single precision decides, double where it cannot".to_owned(),
-        n => format!("robust precision: single precision decides, double where it cannot ({n} slivers)"),
+        0 => "robust precision: single precision decides, double and exact arithmetic where it cannot".to_owned(),
+        n => format!(
+            "robust precision: single precision decides, double and exact arithmetic where it cannot ({n} slivers)"
+        ),
     });
     Precision::Robust
 }
