@@ -104,6 +104,10 @@ fn load(browser: &Path, folder: &Path, page: &str) -> Result<Loaded, Failed> {
         .args(["--virtual-time-budget=10000", "--window-size=1000,2000", "--dump-dom"])
         .arg(profile)
         .arg(&file)
+        // Some of what it keeps goes below the home folder whatever its profile.
+        .env("HOME", folder)
+        .env_remove("XDG_CONFIG_HOME")
+        .env_remove("XDG_CACHE_HOME")
         .output()?;
     let log = String::from_utf8_lossy(&output.stderr);
     let console = log.lines().filter(|line| line.contains(":CONSOLE")).map(str::to_owned).collect();
