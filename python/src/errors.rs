@@ -3,7 +3,7 @@
 use pyo3::create_exception;
 use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
-use rt_balance::{BalanceError, BuildError};
+use rt_balance::{BalanceError, BuildError, with_causes};
 use rt_scene::obj::Fault;
 use rt_scene::prepare::PrepareError;
 use std::error::Error;
@@ -15,26 +15,14 @@ create_exception!(
     "A device cannot be used, or every device failed; the message names each and says why."
 );
 
-/// An error with its causes, as one sentence.
-pub(crate) fn told(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text.push_str(": ");
-        text.push_str(&error.to_string());
-        cause = error.source();
-    }
-    text
-}
-
 /// A mistake in an argument, which the message names.
 pub(crate) fn argument(name: &str, error: &dyn Error) -> PyErr {
-    PyValueError::new_err(format!("{name}: {}", told(error)))
+    PyValueError::new_err(format!("{name}: {}", with_causes(error)))
 }
 
 /// A scene that cannot be prepared.
 pub(crate) fn of_scene(error: &PrepareError) -> PyErr {
-    let text = told(error);
+    let text = with_causes(error);
     match error {
         PrepareError::Load(load) if matches!(load.fault, Fault::Read(_)) => PyOSError::new_err(text),
         PrepareError::Build { source: BuildError::OutOfMemory { .. }, .. } => PyMemoryError::new_err(text),
@@ -44,7 +32,7 @@ pub(crate) fn of_scene(error: &PrepareError) -> PyErr {
 
 /// A stream that cannot be traced, or devices that cannot be brought to do it.
 pub(crate) fn of_run(error: &BalanceError) -> PyErr {
-    let text = told(error);
+    let text = with_causes(error);
     match error {
         BalanceError::PolicyUnused { .. } => PyValueError::new_err(format!("policy: {text}")),
         BalanceError::NoDevices => PyValueError::new_err(format!("devices: {text}")),

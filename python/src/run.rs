@@ -1,11 +1,10 @@
 //! What a stream brought: hits, and how the work was balanced.
 
-use crate::errors::told;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use rt_balance::report::StreamRun;
-use rt_balance::{Hit, TestCounts};
+use rt_balance::{Hit, TestCounts, with_causes};
 use rt_report::Provenance;
 use rt_report::html::measured::Traced;
 use rt_report::output::write_atomically;
@@ -100,13 +99,13 @@ impl Run {
     /// Writes report.json.
     fn write_json(&self, path: PathBuf) -> PyResult<()> {
         let written = write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, &self.report)?));
-        written.map_err(|error| PyOSError::new_err(told(&error)))
+        written.map_err(|error| PyOSError::new_err(with_causes(&error)))
     }
 
     /// Writes the page; with a cost map where rays are those of a picture of (width, height).
     fn write_html(&self, path: PathBuf, size: Option<[u32; 2]>) -> PyResult<()> {
         let page = Traced { report: &self.report, run: &self.run, size };
-        page.write(&path).map_err(|error| PyOSError::new_err(told(&error)))
+        page.write(&path).map_err(|error| PyOSError::new_err(with_causes(&error)))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Tracers: a scene on devices, and what was learnt about them.
 
-use crate::errors::{DeviceError, argument, of_run, told};
+use crate::errors::{DeviceError, argument, of_run};
 use crate::interrupt::interruptible;
 use crate::process;
 use crate::rays::{Buffers, Limit, Points, Rays, rays};
@@ -13,7 +13,7 @@ use rt_balance::catalogue::{Entry, Estimator, POLICIES, QUEUES, find};
 use rt_balance::devices::{self, Opener};
 use rt_balance::{
     Balancer, Coherence, Control, Device, Hit, Limits, Precision, Query, RaySource, Scheduling, Stream, StreamKind,
-    StreamSpec, TestCounts,
+    StreamSpec, TestCounts, with_causes,
 };
 use rt_scene::prepare::Prepared;
 use std::sync::atomic::AtomicBool;
@@ -79,7 +79,7 @@ impl Tracer {
             })?,
         };
         let opened = |cancel: &AtomicBool| {
-            let opened = Opener::new().open(devices).map_err(|error| DeviceError::new_err(told(&error)))?;
+            let opened = Opener::new().open(devices).map_err(|error| DeviceError::new_err(with_causes(&error)))?;
             let devices: Vec<Arc<dyn Device>> = opened.into_iter().map(|opened| opened.device).collect();
             let names = devices.iter().map(|device| device.info().name.clone()).collect();
             let control = Control { cancel: Some(cancel), ..Control::default() };

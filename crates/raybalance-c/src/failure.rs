@@ -1,7 +1,7 @@
 //! How calls fail: a status, and words that stay until the thread's next call.
 
 use crate::types::rb_status;
-use rt_balance::{BalanceError, BuildError};
+use rt_balance::{BalanceError, BuildError, with_causes};
 use std::cell::RefCell;
 use std::error::Error;
 use std::ffi::{CStr, CString};
@@ -26,14 +26,7 @@ impl Failure {
 
     /// An error of the facade, with its causes.
     pub(crate) fn of(status: rb_status, error: &dyn Error) -> Self {
-        let mut message = error.to_string();
-        let mut cause = error.source();
-        while let Some(error) = cause {
-            message.push_str(": ");
-            message.push_str(&error.to_string());
-            cause = error.source();
-        }
-        Self { status, message }
+        Self { status, message: with_causes(error) }
     }
 }
 

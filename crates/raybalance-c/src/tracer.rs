@@ -6,7 +6,7 @@ use rt_balance::devices::Opener;
 use rt_balance::report::StreamRun;
 use rt_balance::{
     Balancer, BuildOptions, Coherence, Control, DEFAULT_TASK_SIZE, Device, Finished, Hit, Limits, Mesh, Query, Ray,
-    RaySource, Scene, Scheduling, Stream, StreamKind, StreamSpec, TestCounts, build, glam,
+    RaySource, Scene, Scheduling, Stream, StreamKind, StreamSpec, TestCounts, build,
 };
 use std::ffi::CString;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -28,8 +28,7 @@ pub struct rb_tracer {
 
 impl rb_scene {
     pub(crate) fn new(positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Result<Self, Failure> {
-        let positions: Vec<glam::Vec3> = positions.iter().copied().map(glam::Vec3::from_array).collect();
-        let built = build(Mesh { positions: &positions, indices }, &BuildOptions::default())?;
+        let built = build(Mesh::of_arrays(positions, indices), &BuildOptions::default())?;
         Ok(Self(built.scene))
     }
 }

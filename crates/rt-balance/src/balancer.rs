@@ -99,9 +99,7 @@ impl Balancer {
         indices: &[[u32; 3]],
         devices: &[Arc<dyn Device>],
     ) -> Result<Self, BalanceError> {
-        let positions: Vec<glam::Vec3> = positions.iter().copied().map(glam::Vec3::from_array).collect();
-        let mesh = rt_bvh::Mesh { positions: &positions, indices };
-        let built = rt_bvh::build(mesh, &rt_bvh::BuildOptions::default())?;
+        let built = rt_bvh::build(rt_bvh::Mesh::of_arrays(positions, indices), &rt_bvh::BuildOptions::default())?;
         Self::new(built.scene, devices)
     }
 

@@ -6,7 +6,7 @@ use crate::device_thread::{Answer, Call, DeviceThread, Done, Parting, Status};
 use crate::limits::{GRACE, Heard, Limits, after, earlier, hear};
 use crate::models::Models;
 use crate::{BalanceError, Control};
-use rt_core::{Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, Scene, Traffic};
+use rt_core::{Device, DeviceError, DeviceErrorKind, DeviceInfo, Launch, Scene, Traffic, with_causes};
 use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
@@ -330,16 +330,7 @@ pub(crate) fn dismiss(members: &mut [DeviceState]) {
 
 /// An error and its causes on one line. The texts are the backend's.
 pub(crate) fn describe(error: &dyn std::error::Error) -> String {
-    let told = contain("fmt", || {
-        let mut text = error.to_string();
-        let mut source = error.source();
-        while let Some(cause) = source {
-            text.push_str(": ");
-            text.push_str(&cause.to_string());
-            source = cause.source();
-        }
-        Ok(text)
-    });
+    let told = contain("fmt", || Ok(with_causes(error)));
     told.unwrap_or_else(|panic| panic.to_string())
 }
 

@@ -30,8 +30,7 @@ impl Balancer {
     /// When an index or a coordinate is invalid: then the scene is as before. When no device can take the scene: then
     /// none is left.
     pub fn update(&mut self, positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Result<Updated, BalanceError> {
-        let positions: Vec<glam::Vec3> = positions.iter().copied().map(glam::Vec3::from_array).collect();
-        let (mesh, options) = (Mesh { positions: &positions, indices }, BuildOptions::default());
+        let (mesh, options) = (Mesh::of_arrays(positions, indices), BuildOptions::default());
         let cost = |scene: &Scene| TreeStats::of(scene).sah_cost;
         let most = MOST_GROWTH * *self.built_cost.get_or_insert_with(|| cost(&self.scene));
         match rt_bvh::refit(&self.scene, mesh, &options)? {

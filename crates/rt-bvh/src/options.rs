@@ -13,6 +13,14 @@ pub struct Mesh<'a> {
     pub indices: &'a [[u32; 3]],
 }
 
+impl<'a> Mesh<'a> {
+    /// A mesh of positions that are kept as plain arrays. Nothing is copied.
+    #[must_use]
+    pub fn of_arrays(positions: &'a [[f32; 3]], indices: &'a [[u32; 3]]) -> Self {
+        Self { positions: bytemuck::cast_slice(positions), indices }
+    }
+}
+
 /// Which algorithm builds the tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]

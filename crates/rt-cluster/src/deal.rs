@@ -2,6 +2,7 @@
 
 use crate::message::{decode, encode};
 use crate::{ClusterError, ClusterReport, End, Lease, Ledger, Patience, Server, ToServer, ToWorker, Transport, Worker};
+use rt_core::with_causes;
 use std::error::Error;
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -203,22 +204,12 @@ fn work<J: Job>(
                 let _ = tell.send(Told::Done(bytes, said));
             }
             Err(error) => {
-                let _ = tell.send(Told::Failed(reasons(&error)));
+                let _ = tell.send(Told::Failed(with_causes(&error)));
                 return Some(Box::new(error));
             }
         }
     }
     None
-}
-
-fn reasons(error: &dyn Error) -> String {
-    let mut text = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        text = format!("{text}: {error}");
-        cause = error.source();
-    }
-    text
 }
 
 /// The thread that carries messages.
@@ -238,7 +229,7 @@ impl Courier<'_> {
         let ended = self.carry(said, told);
         if let (Err(error), Some(server)) = (&ended, &mut self.server) {
             let mut out = Vec::new();
-            server.stop(self.desk.now(), &reasons(error), &mut out);
+            server.stop(self.desk.now(), &with_causes(error), &mut out);
             // Whoever can be reached.
             let _ = self.tell(out);
         }

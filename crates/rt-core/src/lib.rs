@@ -20,6 +20,7 @@ extern crate std;
 pub mod arguments;
 pub mod bounce;
 mod camera;
+mod causes;
 #[cfg(feature = "std")]
 pub mod clock;
 mod cost;
@@ -36,6 +37,7 @@ mod task;
 
 pub use bounce::BounceRays;
 pub use camera::{Camera, CameraError, CameraRays, Raster};
+pub use causes::with_causes;
 pub use cost::{
     CostEstimator, CostModel, CountsToken, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord,
     TaskOutcome, Work,

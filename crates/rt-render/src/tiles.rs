@@ -5,16 +5,13 @@
 //! always has: the picture is the same bits however many processes there are. Samples of one pixel are never split,
 //! since sums of floats depend on their order.
 
-use crate::{Part, RenderError, Renderer, Session};
+use crate::{Film, Part, RenderError, Renderer, Session};
 use glam::Vec3;
 use rt_bvh::Stack;
 use rt_cluster::Job;
-use rt_core::StreamSpec;
+use rt_core::{Scene, StreamSpec};
 use rt_scene::streams::{PathStream, Paths, Wave, Waves};
 use std::hash::{DefaultHasher, Hash, Hasher};
-
-/// Bytes of a pixel that travels: three sums in single precision.
-pub const BYTES_PER_PIXEL: usize = 12;
 
 /// Tiles of each process, where the picture is large enough: the most expensive come first, so what is left over in the
 /// end is a small part of one.
@@ -73,15 +70,20 @@ impl Job for FrameTiles<'_, '_> {
 pub fn fingerprint_of_scene(renderer: &Renderer<'_>) -> u64 {
     let mut hash = DefaultHasher::new();
     let scene = renderer.surfaces.scene();
+    hash_tree(scene, &mut hash);
+    for primitive in 0..scene.primitive_count() {
+        hash.write(bytemuck::bytes_of(&renderer.colours.of(primitive)));
+    }
+    hash.finish()
+}
+
+/// Adds what decides hits: a scene's tree, its triangles and their ids.
+pub fn hash_tree(scene: &Scene, hash: &mut impl Hasher) {
     hash.write(bytemuck::cast_slice(scene.nodes()));
     hash.write(bytemuck::cast_slice(scene.triangles()));
     for slot in 0..scene.primitives().len() {
         hash.write_u32(scene.primitives().get(slot));
     }
-    for primitive in 0..scene.primitive_count() {
-        hash.write(bytemuck::bytes_of(&renderer.colours.of(primitive)));
-    }
-    hash.finish()
 }
 
 /// Of everything that decides what the pixels of a tile are, the scene's fingerprint among it: processes whose numbers
@@ -145,7 +147,7 @@ fn pack(sums: &[Vec3]) -> Vec<u8> {
 /// # Errors
 /// When these are not the bytes of `pixels` pixels.
 pub fn unpack(tile: u32, pixels: usize, bytes: &[u8]) -> Result<Vec<Vec3>, RenderError> {
-    let expected = pixels * BYTES_PER_PIXEL;
+    let expected = pixels * Film::BYTES_PER_PIXEL as usize;
     if bytes.len() != expected {
         return Err(RenderError::Tile { tile, found: bytes.len(), expected });
     }

@@ -51,7 +51,8 @@ pub(crate) struct BalanceArgs {
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), value_name = "RAYS")]
     pub(crate) task_size: Option<u32>,
     /// How long a device may be busy with one launch until it is given up; the others do its work long before
-    #[arg(long, help_heading = heading::DEVICES, value_parser = parse_seconds, default_value = "600", value_name = "SECONDS")]
+    #[arg(long, help_heading = heading::DEVICES, value_parser = parse_seconds, default_value = "600",
+          value_name = "SECONDS")]
     pub(crate) device_limit: Duration,
     /// Seed of samples, pixels and bounces
     #[arg(long, default_value_t = 1)]

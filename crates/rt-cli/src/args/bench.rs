@@ -18,10 +18,12 @@ pub(crate) struct BenchArgs {
     #[command(flatten)]
     pub(crate) device: DeviceArgs,
     /// Rays of a launch, of each kind [default: 4194304 on graphics cards, 262144 on processors]
-    #[arg(long, help_heading = heading::EXPERIMENT, value_parser = clap::value_parser!(u32).range(64..=1 << 28), value_name = "N")]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_parser = clap::value_parser!(u32).range(64..=1 << 28),
+          value_name = "N")]
     pub(crate) rays: Option<u32>,
     /// Repetitions that count; one more goes before
-    #[arg(long, help_heading = heading::EXPERIMENT, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
+    #[arg(long, help_heading = heading::EXPERIMENT, default_value_t = 7,
+          value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
     pub(crate) repeat: u32,
     /// Few rays, three repetitions: to see that it works
     #[arg(long, help_heading = heading::EXPERIMENT, conflicts_with_all = ["rays", "repeat"])]

@@ -16,32 +16,41 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub(crate) balance: BalanceArgs,
     /// Size of the picture in pixels
-    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_size, default_value = "960x600", value_name = "WxH")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_size, default_value = "960x600",
+          value_name = "WxH")]
     pub(crate) size: [u32; 2],
     /// Rays per pixel
-    #[arg(long, help_heading = heading::PICTURE, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 16,
+          value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) spp: u32,
     /// Diffuse bounces
-    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(0..=16))]
     pub(crate) bounces: u32,
     /// Frames of a slow orbit about the target
-    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
+          value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
     /// Camera position in the coordinates of the file, such as 1,1.5,4
-    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true,
+          value_name = "X,Y,Z")]
     pub(crate) eye: Option<DVec3>,
     /// Point the camera looks at, likewise
-    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true,
+          value_name = "X,Y,Z")]
     pub(crate) target: Option<DVec3>,
     /// Which way is up
-    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_vec3, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_vec3, allow_hyphen_values = true,
+          value_name = "X,Y,Z")]
     pub(crate) up: Option<Vec3>,
     /// Vertical field of view in degrees
-    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_fov, allow_hyphen_values = true, value_name = "DEGREES")]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_fov, allow_hyphen_values = true,
+          value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
     /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene,
     /// 12 bytes a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
-    #[arg(long, help_heading = heading::DEVICES, value_parser = parse_bytes, default_value = "4G", value_name = "BYTES")]
+    #[arg(long, help_heading = heading::DEVICES, value_parser = parse_bytes, default_value = "4G",
+          value_name = "BYTES")]
     pub(crate) memory: u64,
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known
     #[arg(long, help_heading = heading::EXPERIMENT)]

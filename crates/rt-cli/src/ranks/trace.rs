@@ -9,6 +9,7 @@ use rt_bvh::Stack;
 use rt_cluster::{ClusterReport, Deal, Finished, Job, deal};
 use rt_core::{Hit, Ray, RaySource, Scene, StreamKind, StreamSpec, TestCounts};
 use rt_render::TaskCut;
+use rt_render::tiles::hash_tree;
 use std::hash::{DefaultHasher, Hasher};
 use std::io;
 use std::ops::Range;
@@ -49,8 +50,7 @@ impl RayRanges<'_> {
     fn fingerprint(&self) -> u64 {
         let mut hash = DefaultHasher::new();
         hash.write(env!("CARGO_PKG_VERSION").as_bytes());
-        hash.write(bytemuck::cast_slice(self.scene.nodes()));
-        hash.write(bytemuck::cast_slice(self.scene.triangles()));
+        hash_tree(self.scene, &mut hash);
         hash.write(bytemuck::cast_slice(self.rays));
         hash.write(format!("{:?} {}", self.spec, self.ranges).as_bytes());
         hash.finish()

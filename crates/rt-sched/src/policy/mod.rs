@@ -8,7 +8,7 @@ mod rank;
 
 pub use lpt::Lpt;
 pub use permuted::PermutedRegions;
-pub(crate) use price::{mean_model, seconds, total};
+pub(crate) use price::{mean_model, seconds, speed, total};
 pub(crate) use rank::most_expensive_first;
 
 use crate::Schedule;

@@ -1,6 +1,6 @@
 //! Regions in an order that spreads them, shared by speed.
 
-use super::{Policy, dealt, seconds, total};
+use super::{Policy, dealt, speed, total};
 use crate::Schedule;
 use alloc::vec::Vec;
 use rt_core::{CostModel, TaskId, Work};
@@ -20,16 +20,12 @@ impl Policy for PermutedRegions {
 
     fn schedule(&self, work: &[Work], devices: &[CostModel]) -> Schedule {
         let sum = total(work);
-        let speed = |device: &CostModel| {
-            let seconds = seconds(&device.per_part(), &sum);
-            if seconds > 0.0 && seconds.is_finite() { 1.0 / seconds } else { 1.0 }
-        };
-        let all: f64 = devices.iter().map(speed).sum();
+        let all: f64 = devices.iter().map(|device| speed(device, &sum)).sum();
         let mut order = spread(work.len());
         let mut reached = 0.0;
         let lists = devices.iter().map(|device| {
             let before = end(reached, work.len());
-            reached += speed(device) / all;
+            reached += speed(device, &sum) / all;
             order.by_ref().take(end(reached, work.len()) - before).collect::<Vec<TaskId>>()
         });
         let mut lists: Vec<Vec<TaskId>> = lists.collect();

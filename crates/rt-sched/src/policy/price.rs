@@ -25,6 +25,12 @@ pub(crate) fn total(work: &[Work]) -> [f64; 4] {
     sum
 }
 
+/// How many times a second a device would do all of `parts`; 1 where no such number comes out.
+pub(crate) fn speed(device: &CostModel, parts: &[f64; 4]) -> f64 {
+    let seconds = seconds(&device.per_part(), parts);
+    if seconds > 0.0 && seconds.is_finite() { 1.0 / seconds } else { 1.0 }
+}
+
 /// Expected seconds of such parts at such prices.
 pub(crate) fn seconds(prices: &[f64; 4], parts: &[f64; 4]) -> f64 {
     prices.iter().zip(parts).map(|(price, part)| price * part).sum()

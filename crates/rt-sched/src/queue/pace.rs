@@ -5,7 +5,7 @@ use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
 // Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
 // are.
-use crate::policy::{seconds, total};
+use crate::policy::{speed, total};
 use core::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed, Ordering::SeqCst};
 
 /// Standard deviation of a task's cost about what is known of it, as a share of that: in pictures that we know, where
@@ -187,8 +187,7 @@ impl Paces {
     pub(crate) fn new(work: &[Work], models: &[CostModel], owner: impl Fn(TaskId) -> usize) -> Self {
         let sum = total(work);
         let pace = |model: &CostModel| {
-            let seconds = seconds(&model.per_part(), &sum);
-            let speed = if seconds > 0.0 && seconds.is_finite() { 1.0 / seconds } else { 1.0 };
+            let speed = speed(model, &sum);
             let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
             let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
             let launches = [0; 2].map(AtomicUsize::new);

@@ -1,6 +1,7 @@
 //! Lanes in words of AVX-512: sixteen numbers each.
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
+use super::avx2::Avx2;
 use super::{Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Slots};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Sub};
@@ -22,16 +23,11 @@ pub(crate) struct Slots8(__m256i);
 impl Avx512 {
     /// The proof, if it can be had.
     pub(crate) fn detect() -> Option<Self> {
-        let all = is_x86_feature_detected!("avx512f")
+        let all = Avx2::detect().is_some()
+            && is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512bw")
-            && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx2")
-            && is_x86_feature_detected!("fma")
-            && is_x86_feature_detected!("bmi1")
-            && is_x86_feature_detected!("bmi2")
-            && is_x86_feature_detected!("lzcnt")
-            && is_x86_feature_detected!("popcnt");
+            && is_x86_feature_detected!("avx512vl");
         all.then_some(Self(()))
     }
 }
