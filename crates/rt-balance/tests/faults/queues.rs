@@ -1,7 +1,7 @@
 //! Queues of the caller's own that break their promises, and estimators that share a name.
 
 use crate::fixture::{balancer, cpus, fixture, patient, trace, trace_well, uniform};
-use rt_balance::policies::Block;
+use rt_balance::policies::{Block, RoundRobin};
 use rt_balance::queues::{Dealt, Needs, Pop, QueueMaker, TaskQueue};
 use rt_balance::{
     BalanceError, Control, CostEstimator, Observation, QueueKind, RayStream, Scheduling, Step, TaskId, Work,
@@ -89,7 +89,9 @@ fn a_queue_that_breaks_its_promises_is_named() {
             }
             other => panic!("{what}: {other:?}"),
         }
-        let run = trace_well(&what, &mut balancer, &mut uniform(QueueKind::Static, patient()));
+        // In turn, so that every device has tasks whatever speeds were measured in streams of 50.
+        let mut after = Scheduling { policy: Some(Box::new(RoundRobin)), ..uniform(QueueKind::Static, patient()) };
+        let run = trace_well(&what, &mut balancer, &mut after);
         assert!(run.report.devices.iter().all(|device| device.error.is_none() && device.tasks > 0), "{what}");
     }
     // Handed out twice, done once.
