@@ -3,13 +3,13 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
-use crate::ranks::trace::RayRanges;
 use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
+use rt_render::ranges::RayRanges;
 use rt_report::headline::Headline;
 use rt_report::npy;
 use rt_report::print::Stdout;
@@ -71,6 +71,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             balancer: &mut balancer,
             scheduling: &mut scheduling,
             runs: &mut runs,
+            control: interrupt::control(),
             ranges: RayRanges::count(count, ranks.size()),
         };
         (is_complete, report) = ranks::trace::run(job, ranks, &mut hits, counts.as_deref_mut())?;
