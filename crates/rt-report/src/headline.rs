@@ -202,8 +202,8 @@ mod tests {
         run
     }
 
-    /// Mutants: the share of all makespans of one device; an estimate's cost with the tracing that it saves; a gain that
-    /// is not that of the streams looked at.
+    /// Mutants: the share of all makespans of one device; an estimate's cost with the tracing that it saves; a gain
+    /// that is not that of the streams looked at.
     #[test]
     fn the_sentence_has_what_was_lost_and_what_estimating_would_have_cost() {
         let mut looked_at = uninformed();

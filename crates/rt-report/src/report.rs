@@ -109,7 +109,8 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// Adds streams that took `wall_s` seconds with all that was done about them: what is not accounted for was shading.
+    /// Adds streams that took `wall_s` seconds with all that was done about them: what is not accounted for was
+    /// shading.
     pub fn add_streams(&mut self, runs: &[StreamRun], wall_s: f64) {
         let sum = |part: fn(&StreamRun) -> f64| runs.iter().map(part).sum::<f64>();
         let setup = sum(|run| run.report.setup_s);

@@ -69,8 +69,8 @@ impl Table {
         Self { rows: self.rows.iter().map(row).collect() }
     }
 
-    /// The table as text of at most `width` columns: where it is wider, what is left of it follows below, with the first
-    /// column again. A single column wider than that stays as it is.
+    /// The table as text of at most `width` columns: where it is wider, what is left of it follows below, with the
+    /// first column again. A single column wider than that stays as it is.
     #[must_use]
     pub fn to_text(&self, width: usize) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
@@ -172,7 +172,8 @@ mod tests {
         assert_eq!(percent(Some(0.0123)), "1.2%");
     }
 
-    /// Mutants: a column that is dropped with a number in it; a block without the first column; a line that is too long.
+    /// Mutants: a column that is dropped with a number in it; a block without the first column; a line that is too
+    /// long.
     #[test]
     fn tables_fit_and_lose_nothing_that_says_something() {
         let mut table = Table::new(&["device", "empty", "busy", "share", "rays"]);

@@ -264,8 +264,8 @@ impl CostMap {
         [cell.estimated.value(), cell.measured.value()]
     }
 
-    /// The end of the scale that both maps share, in nanoseconds per ray: by what was measured, so that an estimate that
-    /// is far off does not darken the truth.
+    /// The end of the scale that both maps share, in nanoseconds per ray: by what was measured, so that an estimate
+    /// which is far off does not darken the truth.
     pub(crate) fn top(&self) -> Top {
         let side = |index: usize| self.tasks.iter().map(move |task| (task.per_ray()[index], task.traced()));
         let is_measured = side(1).any(|(cost, rays)| cost.is_finite() && rays > 0);
