@@ -18,8 +18,8 @@
 //! o′)·r, or as p·r − (o′·r) where the last product and difference may be one operation. Components of d below 2⁻⁶⁰ are
 //! replaced by that. The errors, in units of length along k (times r they are distances):
 //!
-//! * o is a given number scaled, without loss (a ray for which it becomes subnormal is extreme), and the rounding of o ±
-//!   pad: u·|o_k| + u·pad.
+//! * o is a given number scaled, without loss, as a ray for which it becomes subnormal is extreme; o ± pad is rounded:
+//!   u·|o_k| + u·pad.
 //! * r is off by u of itself: u·(M_k + pad). Replacing a component moves points of the ray by at most 2⁻⁶⁰·M.
 //! * (p − o′)·r rounds twice: 2.01·u·(M_k + pad).
 //! * p·r − o′·r rounds both products, of |p| ≤ M_k + |o_k| and |o′|, and their difference: u·(2·|o_k| + 2.01·M_k +

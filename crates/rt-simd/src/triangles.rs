@@ -11,8 +11,8 @@
 //! [`rt_core::intersect`] defines a hit, and how double precision meets the definition. Here eight rays are tested at
 //! once, each with a triangle of its own. Edge functions and weights are computed by the very operations of [`Shear`],
 //! in their order, each rounded once; so a lane whose edge functions have certain signs, and whose distance is certain
-//! to the last bit, gets the bits that [`Shear::hit`] gives. Any other lane asks [`Shear::hit`] itself. What only bounds
-//! errors, and distances within them, may be fused.
+//! to the last bit, gets the bits that [`Shear::hit`] gives. Any other lane asks [`Shear::hit`] itself. What only
+//! bounds errors, and distances within them, may be fused.
 
 use crate::lanes::{Alike, Choice, Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, Half, LANES, Level, Part};
 use crate::rays::{Frame, Group, Set};
