@@ -289,7 +289,10 @@ mod tests {
         assert!(svg.contains("width=\"1200\""));
         assert!(svg.contains("a &lt;device&gt;"));
         assert!(svg.contains("imbalance 1.00 %"));
-        assert!(svg.contains("<title>launch of 1 task, 1\u{2009}024 rays: 2.00 s, predicted 2.00 s</title>"), "{svg}");
+        assert!(
+            svg.contains("<title>launch of 1 task, 1\u{2009}024 rays: 2000 ms, predicted 2000 ms</title>"),
+            "{svg}"
+        );
     }
 
     #[test]
