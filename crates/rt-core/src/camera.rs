@@ -177,8 +177,8 @@ impl CameraRays {
         self.all_samples <= 1
     }
 
-    /// The number of a ray's path among those of the whole image's samples of these pixels: pixel by pixel, and for each
-    /// sample by sample.
+    /// The number of a ray's path among those of the whole image's samples of these pixels: pixel by pixel, and for
+    /// each sample by sample.
     #[must_use]
     pub const fn path(&self, ray: u32) -> u32 {
         if self.samples == self.all_samples {
@@ -239,8 +239,8 @@ mod tests {
         }
     }
 
-    /// Mutants: a part's samples numbered from 0; a single one of several sent through the centre; paths numbered within
-    /// the part.
+    /// Mutants: a part's samples numbered from 0; a single one of several sent through the centre; paths numbered
+    /// within the part.
     #[test]
     fn parts_of_the_samples_are_the_rays_of_the_whole() {
         let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");

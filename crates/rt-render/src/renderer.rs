@@ -149,9 +149,9 @@ impl Renderer<'_> {
         Paths { camera, size, samples, seed, sun: self.light.sun, surfaces: Arc::clone(&self.surfaces) }
     }
 
-    /// Renders a part: adds the radiance of its samples to `sums`, one for each pixel of the wave in its order. If those
-    /// are of the samples before, they are the same bits whatever else is rendered, in which parts, where, and by which
-    /// devices.
+    /// Renders a part: adds the radiance of its samples to `sums`, one for each pixel of the wave in its order. If
+    /// those are of the samples before, they are the same bits whatever else is rendered, in which parts, where, and by
+    /// which devices.
     ///
     /// # Errors
     /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
