@@ -27,6 +27,10 @@ const FASTER: f64 = 1.5;
 /// What launches may cost of what their tasks deviate by, without a unit: they do not mend all of it.
 const SPENT: f64 = 1.0 / 8.0;
 
+/// How much longer launches are than what launches are found to cost and what is left, in the geometric mean, without a
+/// unit: at 10% of a list one launch, at 1% three, at 0.1% ten.
+const LONGER: f64 = 3.0;
+
 /// Fewest launches of a list that is launched in several.
 const FEWEST: f64 = 8.0;
 
@@ -98,6 +102,51 @@ struct Pace {
     since: AtomicU64,
     /// When it was last told to wait, in [`Paces::events`].
     told: AtomicU64,
+    timed: Timed,
+}
+
+/// What launches of a device took, from which follows what each costs beside its tasks: of `x`, one over the share of
+/// the stream that a launch was, and `y`, its seconds for each share, their sums and those of their products.
+///
+/// A launch of share `s` takes `a + b·s` seconds, so `y = b + a·x`: a straight line. What tasks deviate by is then the
+/// same for short launches and for long ones, since a short launch's tasks are neighbours and alike.
+#[derive(Debug)]
+struct Timed {
+    sums: [AtomicU64; 5],
+    /// Seconds of the shortest launch, which are no less than what it cost beside its tasks.
+    least: AtomicU64,
+}
+
+impl Default for Timed {
+    fn default() -> Self {
+        Self { sums: Default::default(), least: AtomicU64::new(f64::INFINITY.to_bits()) }
+    }
+}
+
+impl Timed {
+    /// Adds a launch of a share of the stream.
+    fn add(&self, share: f64, seconds: f64) {
+        let (x, y) = (1.0 / share, seconds / share);
+        for (sum, term) in self.sums.iter().zip([1.0, x, y, x * x, x * y]) {
+            sum.store((get(sum) + term).to_bits(), Relaxed);
+        }
+        self.least.fetch_min(seconds.to_bits(), Relaxed);
+    }
+
+    /// The share of the stream that the device could do while it is busy with a launch beside its tasks, if these
+    /// deviate by `noise` about their mean: the least of what is likely, since one launch too few costs more than one
+    /// too many.
+    fn price(&self, noise: f64) -> f64 {
+        let [n, x, y, xx, xy] = self.sums.each_ref().map(get);
+        let spread = xx - x * x / n;
+        // Too few launches, or all of one size.
+        if n < 3.0 || spread <= ROUNDING * xx {
+            return 0.0;
+        }
+        let a = (xy - x * y / n) / spread;
+        let b = (y - a * x) / n;
+        if b > 0.0 { (a / b - FINISHED * noise / libm::sqrt(spread)).clamp(0.0, get(&self.least) / b) } else { 0.0 }
+    }
 }
 
 impl Pace {
@@ -167,13 +216,13 @@ fn share(units: &AtomicU64) -> f64 {
 
 /// How little is known of costs: as [`Paces::noise`].
 fn noise(work: &[Work]) -> f64 {
-    let alike = work.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    if 2 * alike > work.len() {
-        return UNKNOWN;
-    }
     let errors = work.iter().try_fold(0.0, |sum, work| Some(sum + f64::from(work.std_error()?)));
     let tests: f64 = work.iter().map(|work| f64::from(work.tests())).sum();
-    errors.map(|errors| errors / tests).filter(|noise| noise.is_finite()).map_or(UNSAID, |noise| noise.min(UNKNOWN))
+    if let Some(noise) = errors.map(|errors| errors / tests).filter(|noise| noise.is_finite()) {
+        return noise.min(UNKNOWN);
+    }
+    let alike = work.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    if 2 * alike > work.len() { UNKNOWN } else { UNSAID }
 }
 
 /// Subtracts as much as there is.
@@ -191,7 +240,8 @@ impl Paces {
             let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
             let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
             let launches = [0; 2].map(AtomicUsize::new);
-            Pace { speed, launch_s: model.per_launch(), launches, done, flying, found, waited, since, told }
+            let (launch_s, timed) = (model.per_launch(), Timed::default());
+            Pace { speed, launch_s, launches, done, flying, found, waited, since, told, timed }
         };
         let devices: Box<[Pace]> = models.iter().map(pace).collect();
         let share = |(task, work): (TaskId, &Work)| {
@@ -224,13 +274,18 @@ impl Paces {
         self.noise < UNKNOWN
     }
 
+    /// Whether costs or speeds are known.
+    pub(crate) const fn is_anything_known(&self) -> bool {
+        self.predicts || self.are_costs_known()
+    }
+
     /// What a task is of the whole stream.
     pub(crate) fn share(&self, task: TaskId) -> f64 {
         self.shares.get(task as usize).map_or(0.0, |&share| share.into())
     }
 
     /// The mean of [`Paces::share`].
-    fn mean_share(&self) -> f64 {
+    pub(crate) fn mean_share(&self) -> f64 {
         self.all / self.shares.len().max(1) as f64
     }
 
@@ -250,23 +305,51 @@ impl Paces {
     }
 
     /// Into how many launches a device should divide a share of the stream, and which part of it the first of them
-    /// should be, where each costs `price`, a share of the stream too.
+    /// should be.
     ///
     /// What is launched is not moved any more, so one more launch pays where what its tasks deviate by, together, is
     /// worth more than it costs. Launches shrink geometrically to where the rest deviates by less than one costs. With
     /// few of them the last is so long that it mends nothing: then there is one.
-    pub(crate) fn launches(&self, share: f64, price: f64) -> (f64, f64) {
+    pub(crate) fn launches(&self, device: usize, share: f64) -> (f64, f64) {
+        let price = self.price(device);
         if price <= 0.0 {
             return (f64::INFINITY, 0.0);
         }
         let spread = if self.are_costs_known() { 1.0 } else { SPREAD };
+        if !self.is_anything_known() {
+            // Found, not known: the longer launches are, the less they cost together, and the less is left to be mended
+            // if that was wrong. This is in between, and harmless where a little was taken for the price of nothing.
+            let part = (LONGER * libm::sqrt(price / share)).min(1.0);
+            return (1.0 / part, part);
+        }
         let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
         let launches = mending(spread * self.std_deviation(share) / share + doubt, price / share);
         if launches <= 1.0 {
             return (1.0, 1.0);
         }
         let rest = (price / self.noise) * (price / self.noise) / (self.mean_share() * share);
-        (launches, 1.0 - libm::pow(rest.min(1.0), 1.0 / launches))
+        // Nothing is smaller than a task.
+        let rest = rest.max(self.mean_share() / share).min(1.0);
+        (launches, 1.0 - libm::pow(rest, 1.0 / launches))
+    }
+
+    /// What a launch costs a device beside its tasks, as a share of the stream that it could do meanwhile: as predicted,
+    /// or where nothing was, as launches were found to take. (Where costs were estimated, tasks that were taken for too
+    /// cheap look like short launches that take long.)
+    fn price(&self, device: usize) -> f64 {
+        let pace = &self.devices[device];
+        if self.is_anything_known() { pace.launch_s * pace.speed } else { pace.timed.price(self.noise) }
+    }
+
+    /// Says for how long a device was busy with a launch.
+    pub(crate) fn took(&self, device: usize, tasks: &[TaskId], seconds: f64) {
+        let share: f64 = tasks.iter().map(|&task| self.share(task)).sum();
+        if let Some(pace) = self.devices.get(device)
+            && share > 0.0
+            && seconds > 0.0
+        {
+            pace.timed.add(share, seconds);
+        }
     }
 
     /// By how much what a device has finished may deviate from its prediction without contradicting it.
@@ -299,6 +382,11 @@ impl Paces {
     /// The share of the stream that nobody has begun.
     pub(crate) fn open(&self) -> f64 {
         (self.unfinished() - share(&self.flying)).max(0.0)
+    }
+
+    /// Number of launches that a device has finished.
+    pub(crate) fn ended(&self, device: usize) -> f64 {
+        self.devices[device].launches[1].load(Relaxed) as f64
     }
 
     /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
