@@ -52,6 +52,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         lower_bound_s: None,
         excess: None,
         devices: vec![device; devices],
+        task_times: None,
     };
     StreamRun {
         report,
