@@ -3,16 +3,17 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
-use crate::ranks::trace::RayRanges;
 use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
-use rt_report::Provenance;
+use rt_render::ranges::RayRanges;
+use rt_report::headline::Headline;
 use rt_report::npy;
 use rt_report::print::Stdout;
+use rt_report::{Provenance, terminal};
 use rt_scene::npy::RayFile;
 use std::io::Write;
 use std::sync::Arc;
@@ -70,6 +71,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             balancer: &mut balancer,
             scheduling: &mut scheduling,
             runs: &mut runs,
+            control: interrupt::control(),
             ranges: RayRanges::count(count, ranks.size()),
         };
         (is_complete, report) = ranks::trace::run(job, ranks, &mut hits, counts.as_deref_mut())?;
@@ -113,6 +115,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             scene: SceneReport::of(&prepared),
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
+            headline: report
+                .as_ref()
+                .map_or_else(|| Headline::of(&runs), |report| Headline::of_processes(std::slice::from_ref(report))),
             streams: runs.into_iter().map(|run| run.report).collect(),
             cluster: report.into_iter().collect(),
             seconds,
@@ -121,9 +126,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     } else {
         if report.is_none() {
             if args.balance.explain {
-                write!(Stdout, "{}", table::reasons(&runs))?;
+                write!(Stdout, "{}", terminal::reasons(&runs, terminal::columns()))?;
             }
-            write!(Stdout, "{}", table::streams(&runs))?;
+            write!(Stdout, "{}", terminal::streams(&runs, terminal::columns()))?;
         }
         let met = hits.iter().filter(|hit| hit.is_hit()).count();
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;

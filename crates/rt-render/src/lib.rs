@@ -3,17 +3,18 @@
 //!
 //! A [`Renderer`] knows what stays the same over all frames, a [`Session`] the devices that trace. A part of a picture
 //! ([`rt_scene::streams::Wave`]) is rendered to the sums of its own pixels, so that it does not matter which process
-//! did it: [`tiles`] deals the parts to several.
+//! did it: [`tiles`] deals the parts to several. [`ranges`] does the same for rays of a caller's own.
 #![forbid(unsafe_code)]
 
 mod error;
 mod film;
 mod light;
 pub mod memory;
+pub mod ranges;
 mod renderer;
 pub mod tiles;
 
 pub use error::RenderError;
 pub use film::Film;
 pub use light::Light;
-pub use renderer::{Part, Renderer, Session, TaskCut};
+pub use renderer::{Part, Renderer, Session, TaskCut, Traced};
