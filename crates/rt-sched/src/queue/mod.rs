@@ -30,6 +30,7 @@ mod pace;
 mod slots;
 #[cfg(all(test, not(loom)))]
 mod tests;
+mod timed;
 
 pub use central::CentralQueue;
 pub use fixed::StaticQueue;

@@ -1,6 +1,7 @@
 //! How fast devices are found to be, without a clock.
 
 use super::ledger::Ledger;
+use super::timed::Timed;
 use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
 // Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
@@ -57,7 +58,6 @@ const ROUNDING: f64 = 1e-6;
 /// that has not come as far as it should, even if all that it has in flight were finished in this moment, is slower
 /// than predicted, and then it is as fast as what it finished, and half of what it has in flight, says. As long as
 /// nothing contradicts a prediction it is believed: whoever is in the middle of a long launch does not look slow.
-/// Waiting for a task is no sign of being slow either: that time is left out.
 ///
 /// Times are in seconds of the predictions. They may all be wrong by one factor, such as before anything was measured.
 #[derive(Debug)]
@@ -96,57 +96,9 @@ struct Pace {
     flying: AtomicU64,
     /// The speed that it was last found to have.
     found: AtomicU64,
-    /// Seconds that it waited for a task.
-    waited: AtomicU64,
-    /// Since when it waits; [`BUSY`] if it does not.
-    since: AtomicU64,
     /// When it was last told to wait, in [`Paces::events`].
     told: AtomicU64,
     timed: Timed,
-}
-
-/// What launches of a device took, from which follows what each costs beside its tasks: of `x`, one over the share of
-/// the stream that a launch was, and `y`, its seconds for each share, their sums and those of their products.
-///
-/// A launch of share `s` takes `a + b·s` seconds, so `y = b + a·x`: a straight line. What tasks deviate by is then the
-/// same for short launches and for long ones, since a short launch's tasks are neighbours and alike.
-#[derive(Debug)]
-struct Timed {
-    sums: [AtomicU64; 5],
-    /// Seconds of the shortest launch, which are no less than what it cost beside its tasks.
-    least: AtomicU64,
-}
-
-impl Default for Timed {
-    fn default() -> Self {
-        Self { sums: Default::default(), least: AtomicU64::new(f64::INFINITY.to_bits()) }
-    }
-}
-
-impl Timed {
-    /// Adds a launch of a share of the stream.
-    fn add(&self, share: f64, seconds: f64) {
-        let (x, y) = (1.0 / share, seconds / share);
-        for (sum, term) in self.sums.iter().zip([1.0, x, y, x * x, x * y]) {
-            sum.store((get(sum) + term).to_bits(), Relaxed);
-        }
-        self.least.fetch_min(seconds.to_bits(), Relaxed);
-    }
-
-    /// The share of the stream that the device could do while it is busy with a launch beside its tasks, if these
-    /// deviate by `noise` about their mean: the least of what is likely, since one launch too few costs more than one
-    /// too many.
-    fn price(&self, noise: f64) -> f64 {
-        let [n, x, y, xx, xy] = self.sums.each_ref().map(get);
-        let spread = xx - x * x / n;
-        // Too few launches, or all of one size.
-        if n < 3.0 || spread <= ROUNDING * xx {
-            return 0.0;
-        }
-        let a = (xy - x * y / n) / spread;
-        let b = (y - a * x) / n;
-        if b > 0.0 { (a / b - FINISHED * noise / libm::sqrt(spread)).clamp(0.0, get(&self.least) / b) } else { 0.0 }
-    }
 }
 
 impl Pace {
@@ -158,19 +110,17 @@ impl Pace {
     }
 }
 
-/// How many launches a list is worth that deviates by `deviation`, where one costs `price`, both as a share of it.
-fn mending(deviation: f64, price: f64) -> f64 {
+/// How many launches a list of so many tasks is worth that deviates by `deviation`, where one costs `price`, both as a
+/// share of it.
+fn mending(tasks: f64, deviation: f64, price: f64) -> f64 {
     let launches = SPENT * deviation / price;
-    if launches < FEWEST { 1.0 } else { launches }
+    if launches < FEWEST.min(tasks) { 1.0 } else { launches }
 }
 
 /// The same of a list of so many tasks of which nothing is known.
 pub(crate) fn mending_launches(tasks: f64, price: f64) -> f64 {
-    mending(SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
+    mending(tasks, SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
 }
-
-/// No time at all.
-const BUSY: u64 = u64::MAX;
 
 /// What is to be thought of a device at some moment.
 #[derive(Clone, Copy, Debug)]
@@ -237,11 +187,11 @@ impl Paces {
         let sum = total(work);
         let pace = |model: &CostModel| {
             let speed = speed(model, &sum);
-            let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
-            let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
+            let [done, flying, told] = [0; 3].map(AtomicU64::new);
+            let found = AtomicU64::new(speed.to_bits());
             let launches = [0; 2].map(AtomicUsize::new);
             let (launch_s, timed) = (model.per_launch(), Timed::default());
-            Pace { speed, launch_s, launches, done, flying, found, waited, since, told, timed }
+            Pace { speed, launch_s, launches, done, flying, found, told, timed }
         };
         let devices: Box<[Pace]> = models.iter().map(pace).collect();
         let share = |(task, work): (TaskId, &Work)| {
@@ -323,7 +273,8 @@ impl Paces {
             return (1.0 / part, part);
         }
         let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
-        let launches = mending(spread * self.std_deviation(share) / share + doubt, price / share);
+        let tasks = share / self.mean_share();
+        let launches = mending(tasks, spread * self.std_deviation(share) / share + doubt, price / share);
         if launches <= 1.0 {
             return (1.0, 1.0);
         }
@@ -399,16 +350,15 @@ impl Paces {
     pub(crate) fn of(&self, device: usize) -> Found {
         let pace = &self.devices[device];
         let (now, done, flying) = (self.now(), share(&pace.done), share(&pace.flying));
-        let waited = get(&pace.waited);
         let [begun_s, ended_s] = pace.in_launches_s();
-        let expected = |share: f64| waited + begun_s + share / pace.speed;
+        let expected = |share: f64| begun_s + share / pace.speed;
         let slow = expected(done + flying + self.doubt(done + flying)) < now * (1.0 - ROUNDING);
         if flying == 0.0 {
             let speed = if slow { get(&pace.found) } else { pace.speed };
             return Found { speed, until: now, launch_s: pace.launch_s };
         }
         let come = done + BEGUN * flying;
-        let speed = if slow { pace.speed.min(come / (now - waited - ended_s).max(0.0)) } else { pace.speed };
+        let speed = if slow { pace.speed.min(come / (now - ended_s).max(0.0)) } else { pace.speed };
         let left = flying / speed + (begun_s - ended_s);
         let until = expected(done + flying);
         let until = match self.noise {
@@ -499,19 +449,11 @@ impl Paces {
     pub(crate) fn wait(&self, device: usize) {
         let Some(pace) = self.devices.get(device) else { return };
         pace.told.store(self.events.load(SeqCst), SeqCst);
-        if pace.flying.load(Relaxed) == 0 && pace.since.load(Relaxed) == BUSY {
-            pace.since.store(self.now.load(Relaxed), Relaxed);
-        }
     }
 
     /// Says that a device was given a launch.
     pub(crate) fn launch(&self, device: usize, tasks: &[TaskId]) {
         let Some(pace) = self.devices.get(device) else { return };
-        let since = pace.since.swap(BUSY, Relaxed);
-        if since != BUSY {
-            let waited = get(&pace.waited) + (get(&self.now) - f64::from_bits(since)).max(0.0);
-            pace.waited.store(waited.to_bits(), Relaxed);
-        }
         let units = self.units(tasks);
         pace.launches[0].fetch_add(1, Relaxed);
         pace.flying.fetch_add(units, Relaxed);
@@ -525,11 +467,11 @@ impl Paces {
         pace.launches[1].fetch_add(1, Relaxed);
         pace.done.fetch_add(units, Relaxed);
         self.done.fetch_add(units, Relaxed);
-        let (waited, done) = (get(&pace.waited), share(&pace.done));
+        let done = share(&pace.done);
         let [_, ended_s] = pace.in_launches_s();
         let least = (done - self.doubt(done)).max(0.0);
-        self.now.fetch_max((waited + ended_s + least / pace.speed).to_bits(), Relaxed);
-        let seconds = get(&self.now) - waited - ended_s;
+        self.now.fetch_max((ended_s + least / pace.speed).to_bits(), Relaxed);
+        let seconds = get(&self.now) - ended_s;
         let found = if seconds > 0.0 { pace.speed.min(done / seconds) } else { pace.speed };
         pace.found.store(found.to_bits(), Relaxed);
     }

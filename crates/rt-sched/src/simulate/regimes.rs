@@ -381,7 +381,7 @@ fn regimes() {
     for (name, speeds) in machines {
         for each in [2, 8, 32, 128, 1024] {
             let tasks = each * speeds.len() as u32;
-            if tasks > 1 << 17 {
+            if tasks > 1 << 14 {
                 continue;
             }
             let cells = SHARES.map(|share| default_and_best(&speeds, tasks, share));
