@@ -46,11 +46,19 @@ pub fn kind(text: &str) -> Result<StreamKind, String> {
 ///
 /// # Errors
 /// When it is none above 0 and below 180.
-pub fn degrees(text: &str) -> Result<f32, String> {
+pub fn angle_of_view(text: &str) -> Result<f32, String> {
     match text.trim().parse::<f32>() {
         Ok(degrees) if degrees > 0.0 && degrees < 180.0 => Ok(degrees),
         _ => Err("must be above 0 and below 180 degrees, such as 40".to_owned()),
     }
+}
+
+/// An angle in degrees: `-90`.
+///
+/// # Errors
+/// When it is no finite number.
+pub fn degrees(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|degrees: &f32| degrees.is_finite()).ok_or_else(|| "write it as a number".to_owned())
 }
 
 /// A time: `0.5`.
@@ -125,8 +133,10 @@ mod tests {
         assert!(["640", "0x4", "4x70000", "x"].iter().all(|text| size(text).is_err()));
         assert_eq!(kind("diffuse"), Ok(StreamKind::Diffuse(0)));
         assert!(kind("shadow").is_err());
-        assert_eq!(degrees("40"), Ok(40.0));
-        assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| degrees(text).is_err()));
+        assert_eq!(angle_of_view("40"), Ok(40.0));
+        assert!(["0", "-1", "180", "nan", "inf", "wide", ""].iter().all(|text| angle_of_view(text).is_err()));
+        assert_eq!(degrees("-90"), Ok(-90.0));
+        assert!(["nan", "inf", "far"].iter().all(|text| degrees(text).is_err()));
         assert_eq!(seconds("0.5"), Ok(Duration::from_millis(500)));
         assert!(["0", "-1", "nan", "inf", "1e300", "soon"].iter().all(|text| seconds(text).is_err()));
         assert_eq!(speed(" 0.5"), Ok(0.5));

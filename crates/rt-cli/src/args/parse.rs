@@ -5,8 +5,8 @@ use rt_balance::catalogue::{self, Entry, Make, reduced_estimators};
 use rt_balance::devices::{self, ListError};
 
 pub(super) use rt_lab::arguments::{
-    bytes as parse_bytes, degrees as parse_fov, fraction as parse_fraction, point as parse_point,
-    seconds as parse_seconds, size as parse_size, speed as parse_speed, vector as parse_vec3,
+    angle_of_view as parse_fov, bytes as parse_bytes, degrees as parse_degrees, fraction as parse_fraction,
+    point as parse_point, seconds as parse_seconds, size as parse_size, speed as parse_speed, vector as parse_vec3,
 };
 
 /// The list stays text: opening it reads it again.
