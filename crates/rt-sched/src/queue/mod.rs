@@ -14,8 +14,9 @@
 //! * no call blocks or spins: a call that finds its word changed by another starts over, so some call always gets
 //!   through (lock-free). No call panics; devices and tasks that do not exist are ignored or told `Done`.
 //!
-//! Queues own no thread and no clock; a caller that has one tells what launches took. What a caller owes them: every task of a launch is in the end named in `finish`
-//! or in `retire`, and a device told [`Pop::Wait`] asks again after the next `finish` or `retire` of any device.
+//! Queues own no thread and no clock; a caller that has one tells what launches took. What a caller owes them: every
+//! task of a launch is in the end named in `finish` or in `retire`, and a device told [`Pop::Wait`] asks again after
+//! the next `finish` or `retire` of any device.
 //! The driver of rt-balance calls from one thread; others may call from one for each device.
 
 mod atomics;

@@ -284,9 +284,9 @@ impl Paces {
         (launches, 1.0 - libm::pow(rest, 1.0 / launches))
     }
 
-    /// What a launch costs a device beside its tasks, as a share of the stream that it could do meanwhile: as predicted,
-    /// or where nothing was, as launches were found to take. (Where costs were estimated, tasks that were taken for too
-    /// cheap look like short launches that take long.)
+    /// What a launch costs a device beside its tasks, as a share of the stream that it could do meanwhile: as
+    /// predicted, or where nothing was, as launches were found to take. (Where costs were estimated, tasks that were
+    /// taken for too cheap look like short launches that take long.)
     fn price(&self, device: usize) -> f64 {
         let pace = &self.devices[device];
         if self.is_anything_known() { pace.launch_s * pace.speed } else { pace.timed.price(self.noise) }

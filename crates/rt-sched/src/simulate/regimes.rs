@@ -156,8 +156,7 @@ fn launches_are_worth_their_price() {
 /// What launches cost is found out where nothing is known, and is not made up where they cost nothing. Before,
 /// launches of a tenth of a frame were 73 a device, and the frame took eight times as long.
 ///
-/// Mutants: `Timed::price` that is always 0; one that knows no doubt; one without the shortest launch; `took` that takes
-/// all launches for equally long.
+/// Mutant: `Timed::price` that is always 0.
 #[test]
 fn expensive_launches_are_found_out() {
     for (speeds, most) in [(turns(&[1.0], 8), [2.0, 45.0, 180.0]), (turns(&[1.0, 2.0, 4.0], 3), [2.0, 80.0, 190.0])] {
