@@ -148,7 +148,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
     if setup.software_vulkan || named {
         for (name, backend) in [("Vulkan", "vulkan:0"), ("wgpu", "wgpu:0")] {
-            let arguments = format!("run -p rt-cli -- verify --quick --backend {backend} --rays {SOFTWARE_RAYS}");
+            let arguments = format!("run -p rt-cli -- verify --quick --devices {backend} --rays {SOFTWARE_RAYS}");
             let mut verify = cargo(&arguments);
             verify.envs(drivers.iter().cloned());
             steps.push(command(&format!("promises, {name}"), verify));

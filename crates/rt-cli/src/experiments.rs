@@ -1,13 +1,17 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
-use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::args::{
+    BenchArgs, CompareArgs, DiffArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs,
+};
 use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
 use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_balance::devices::AUTO;
 use rt_lab::tradeoff::{Chosen, precision};
-use rt_lab::{Lab, Show, bench, figure1, tradeoff};
+use rt_lab::{Lab, Show, bench, compare, figure1, tradeoff};
+use rt_render::TaskCut;
+use rt_report::diff::Diff;
 use rt_report::print::{Stdout, note};
 use rt_scene::prepare::Prepared;
 use std::io::{self, Write};
@@ -82,7 +86,42 @@ pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
     measure(&args.scenes, &args.source, |lab| figure1::run(lab, &options))
 }
 
+pub(crate) fn compare(args: &CompareArgs) -> Result<()> {
+    args.device.check(args.devices.as_deref())?;
+    let options = compare::Options {
+        scene: args.scene.clone(),
+        devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
+        cards: args.device.cards(),
+        isa: args.device.isa,
+        queues: args.queue.clone(),
+        policies: args.policy.clone(),
+        estimators: args.estimator.clone(),
+        fraction: args.fraction,
+        cut: TaskCut::of_options(args.tasks, args.task_size),
+        size: args.size,
+        samples: args.spp,
+        bounces: args.bounces,
+        repeat: args.repeat,
+        budget: args.budget,
+        seed: args.seed,
+        reference: args.reference,
+        quick: args.quick,
+        json: args.json,
+        out: args.out.clone(),
+    };
+    require_room(Some(options.rays()), "choose a smaller --size or --spp")?;
+    let scene = std::slice::from_ref(&args.scene);
+    measure(scene, &args.source, |lab| compare::run(lab, &options))
+}
+
+pub(crate) fn diff(args: &DiffArgs) -> Result<()> {
+    let diff = Diff::of(&args.before, &args.after)?;
+    let text = if args.json { serde_json::to_string_pretty(&diff)? } else { diff.to_string() };
+    Ok(writeln!(Stdout, "{text}")?)
+}
+
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
+    args.device.check(args.devices.as_deref())?;
     require_room(args.rays.map(u64::from), "choose fewer --rays")?;
     let options = bench::Options {
         scenes: args.scenes.clone(),
@@ -128,9 +167,9 @@ fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
     require_room(pixels(args.size), "choose a smaller --size")?;
     let options = precision::Options {
         scenes: args.scenes.clone(),
-        devices: args.backend.clone(),
+        devices: args.devices.clone(),
         quick: args.quick,
-        runs: args.runs,
+        repeat: args.repeat,
         size: args.size,
         sample: args.sample,
         seed: args.seed,

@@ -43,7 +43,7 @@ pub fn main() -> ExitCode {
 fn run(cli: Cli) -> Result<()> {
     devices::check_environment().map_err(|bad| usage(bad.to_string()))?;
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
-    if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
+    if !matches!(command, Command::Devices(_) | Command::Scenes(_) | Command::Diff(_)) {
         // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.
         let threads = rayon::ThreadPoolBuilder::new().build_global();
         threads.context("cannot start a thread for each core: allow more, or set RAYON_NUM_THREADS to fewer")?;
@@ -51,6 +51,8 @@ fn run(cli: Cli) -> Result<()> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Compare(args) => experiments::compare(&args),
+        Command::Diff(args) => experiments::diff(&args),
         Command::Figure1(args) => experiments::figure1(&args),
         Command::Tradeoff(args) => experiments::tradeoff(&args),
         Command::Verify(args) => verify::run(&args),

@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod diff;
 mod error;
 pub mod exit;
 pub mod html;

@@ -1,6 +1,6 @@
 //! This project beside Embree and obvhs: the same rays, in one process, in turns.
 //!
-//! `cargo run --release -p rt-benches --bin peers -- SCENE... [--builder NAME] [--runs 9] [--size 1024x1024] [--rays FILE.npy]`
+//! `cargo run --release -p rt-benches --bin peers -- --help`
 //!
 //! Scenes are `yard`, `car` or OBJ files. Their rays are those of a picture: camera rays, shadow rays and diffuse
 //! bounces; with `--rays` those of a file, as `raybalance trace` reads it, asked for nearest hits. Nobody says whether
@@ -14,14 +14,16 @@
 mod contender;
 mod judge;
 
+use clap::Parser;
 use contender::{Contender, Run, Traced};
 use judge::Judge;
 use rt_balance::stats::Summary;
 use rt_benches::{NamedStream, options};
 use rt_bvh::Builder;
 use rt_core::{Query, Ray, RaySource};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
-use rt_report::{Provenance, exit};
 use rt_scene::npy::RayFile;
 use rt_scene::prepare::Prepared;
 use std::error::Error;
@@ -30,11 +32,20 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
+/// Trace the same rays as Embree and obvhs, in turns.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Options {
-    scenes: Vec<String>,
+    #[command(flatten)]
+    common: options::Options,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, value_name = "NAME", default_value_t = Builder::Sah)]
     builder: Builder,
-    runs: usize,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = options::size)]
     size: [u32; 2],
+    /// Rays to trace instead of a picture's, as `raybalance trace` reads them
+    #[arg(long, value_name = "FILE", conflicts_with = "size")]
     rays: Option<PathBuf>,
 }
 
@@ -43,10 +54,10 @@ fn main() -> ExitCode {
 }
 
 fn run_all() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
+    let options = Options::parse();
     write!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(Stdout, "* load of the machine at the start and the end: {}", load())?;
-    for name in &options.scenes {
+    for name in &options.common.scenes {
         bench(name, &options)?;
     }
     writeln!(Stdout, "\nLoad at the end: {}", load())?;
@@ -74,7 +85,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     writeln!(Stdout, "\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |")?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|")?;
     for (kind, source, query) in streams(&prepared, options)? {
-        compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.runs)?;
+        compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.common.repeat)?;
     }
     Ok(())
 }
@@ -101,12 +112,12 @@ fn compare(
     query: Query,
     contenders: &mut [Contender],
     judge: &Judge,
-    runs: usize,
+    repeat: u32,
 ) -> Result<(), Box<dyn Error>> {
     let mut traced: Vec<Vec<Traced>> = Vec::new();
     let mut seconds = vec![Vec::new(); contenders.len()];
     // The first run warms caches up, and its answers are looked at.
-    for run in 0..=runs {
+    for run in 0..=repeat {
         for (contender, seconds) in contenders.iter_mut().zip(&mut seconds) {
             let Run { seconds: took, traced: found } = contender.run(rays, query, run == 0)?;
             if run == 0 {
@@ -140,20 +151,4 @@ fn compare(
         )?;
     }
     Ok(())
-}
-
-impl Options {
-    fn parse() -> Result<Self, Box<dyn Error>> {
-        let (mut builder, mut rays) = (Builder::Sah, None);
-        let shared = options::Options::parse([1024, 1024], |name, value| {
-            match name {
-                "--builder" => builder = value()?.parse()?,
-                "--rays" => rays = Some(PathBuf::from(value()?)),
-                _ => return Ok(false),
-            }
-            Ok(true)
-        })?;
-        let options::Options { scenes, runs, size } = shared;
-        Ok(Self { scenes, builder, runs, size, rays })
-    }
 }
