@@ -5,19 +5,20 @@ use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
 use crate::output::Outputs;
 use crate::ranks::{self, Ranks};
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::{chart, html, interrupt, output, progress, scene, table};
+use crate::{chart, html, interrupt, output, progress, scene};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, DEFAULT_TASK_SIZE, Limits};
+use rt_core::Device;
 use rt_core::bounce::Surfaces;
-use rt_core::{Device, StreamKind};
-use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
-use rt_report::chart::cost::{self, CostMap};
+use rt_render::{Film, Light, Part, Renderer, Session, TaskCut, Traced};
+use rt_report::chart::cost::{self, CostMap, CostMaps};
+use rt_report::headline::Headline;
 use rt_report::print::Stdout;
 use rt_report::usage::OrUsage;
-use rt_report::{Provenance, image};
+use rt_report::{Provenance, image, terminal};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Paths, Wave, Waves};
+use rt_scene::streams::{Paths, Waves};
 use rt_scene::{View, view};
 use std::io::Write;
 use std::path::Path;
@@ -49,34 +50,38 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let waves = cut(args, Room::now())?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
+    let renderer = Renderer { unused: true, ..renderer };
     let show = progress::of_streams("tracing");
-    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &show };
+    let (mut runs, mut costs, mut costs_s) = (Vec::new(), CostMaps::new(args.size), 0.0);
+    let mut record = |traced: Traced<'_>| {
+        let begin = Instant::now();
+        costs.add(&traced.run, |ray| traced.pixel(ray));
+        runs.push(traced.run);
+        costs_s += begin.elapsed().as_secs_f64();
+    };
+    let mut session = Session { balancer, scheduling, show: &show, record: &mut record };
     let mut film = Film::new(args.size, args.spp)?;
-    let mut costs = CostMap::new(args.size, args.spp);
+    let mut waves_s = 0.0;
     for frame in 0..args.frames {
+        let begin = Instant::now();
         let paths = paths(&renderer, &first, frame)?;
         for (number, wave) in (0..).zip(waves.iter()) {
-            let begin = Instant::now();
-            let before = session.runs.len();
             let sums = renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave })?;
             film.take(&wave.pixels, &sums);
-            let runs = &session.runs[before..];
-            add_times(&mut seconds, runs, begin.elapsed().as_secs_f64());
-            let begin = Instant::now();
-            add_costs(&mut costs, &wave, runs);
-            seconds.write += begin.elapsed().as_secs_f64();
         }
+        waves_s += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         write_picture(args, frame, &film)?;
         seconds.write += begin.elapsed().as_secs_f64();
     }
     interrupt::check()?;
-    let Session { scheduling, runs, .. } = session;
+    let Session { scheduling, .. } = session;
+    seconds.add_streams(&runs, waves_s - costs_s);
     let begin = Instant::now();
     drop(film);
     let provenance = Provenance::now(args.balance.seed, names(&devices));
-    write_charts(args, &costs, &runs, &provenance)?;
-    seconds.write += begin.elapsed().as_secs_f64();
+    write_charts(args, costs.maps(), &runs, &provenance)?;
+    seconds.write += costs_s + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let report = Report {
         schema: SCHEMA,
@@ -86,13 +91,14 @@ fn alone(args: &RenderArgs) -> Result<()> {
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
         cluster: Vec::new(),
+        headline: Headline::of(&runs),
         seconds,
     };
     write_report(args, &report)?;
     let rendered = html::render::Rendered {
         report: &report,
         runs: &runs,
-        map: &costs,
+        maps: costs.maps(),
         size: args.size,
         samples: args.spp,
         picture: &args.out.join(picture_name(0, args)),
@@ -147,6 +153,7 @@ impl Stage {
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
+            unused: false,
             cancel: interrupt::flag(),
         };
         Ok(Self { described, devices, balancer, first, renderer, seconds })
@@ -193,18 +200,6 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     Ok(view)
 }
 
-fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
-    let setup: f64 = runs.iter().map(|run| run.report.setup_s).sum();
-    let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
-    let makespan: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
-    let reference: f64 = runs.iter().filter_map(|run| run.reference_s).sum();
-    seconds.setup += setup;
-    seconds.estimate += estimate;
-    seconds.trace += makespan - estimate;
-    seconds.reference += reference;
-    seconds.shade += wall - setup - makespan - reference;
-}
-
 pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
 }
@@ -239,17 +234,10 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     Ok(waves)
 }
 
-/// Adds the primary rays of a wave to the first frame's map.
-fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
-    for run in runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0) {
-        map.add_wave(&wave.pixels, &run.tasks, &cost::scaled_estimate(run), &run.measured_s);
-    }
-}
-
-fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
+fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
-    Ok(costs.write_png(&args.out.join("cost.png"))?)
+    Ok(cost::write_png(&args.out.join("cost.png"), costs)?)
 }
 
 /// What devices call themselves.
@@ -257,60 +245,16 @@ pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
 }
 
-/// What is traced, for people.
-pub(crate) fn print_scene(report: &Report) -> Result<()> {
-    let scene = &report.scene;
-    writeln!(
-        Stdout,
-        "{}: {} triangles, tree of {:.1} MB by {} on {} thread{}, {:.2} million triangles/s, {} precision",
-        scene.source,
-        table::grouped(scene.triangles as u64),
-        scene.bvh_bytes as f64 / 1e6,
-        scene.builder,
-        scene.build_threads,
-        if scene.build_threads == 1 { "" } else { "s" },
-        scene.triangles as f64 / report.seconds.build.max(1e-9) / 1e6,
-        scene.precision
-    )?;
-    if let Some(reason) = &scene.fallback {
-        writeln!(Stdout, "  not by the builder asked for: {reason}")?;
-    }
-    for reason in &scene.plan.reasons {
-        writeln!(Stdout, "  {reason}")?;
-    }
-    Ok(())
-}
-
 fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
-    print_scene(report)?;
+    let width = terminal::columns();
+    write!(Stdout, "{}", terminal::scene(report, width))?;
     if args.balance.explain {
-        write!(Stdout, "\n{}", table::reasons(runs))?;
+        write!(Stdout, "\n{}", terminal::reasons(runs, width))?;
     }
-    writeln!(Stdout, "\n{}", table::streams(runs))?;
-    print_seconds(report)?;
-    let out = args.out.display();
-    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
-    Ok(())
-}
-
-/// Where the time went, for people.
-pub(crate) fn print_seconds(report: &Report) -> Result<()> {
-    let s = &report.seconds;
-    let parts = [
-        ("load", s.load),
-        ("build", s.build),
-        ("estimate", s.estimate),
-        ("trace", s.trace),
-        ("reference", s.reference),
-        ("shade", s.shade),
-        ("write", s.write),
-        ("total", s.total),
-    ];
-    let wall: Vec<String> = parts
-        .iter()
-        .filter(|(name, s)| *name != "reference" || *s > 0.0)
-        .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
-        .collect();
-    writeln!(Stdout, "  wall: {}", wall.join(", "))?;
+    writeln!(Stdout, "\n{}\n{}", terminal::streams(runs, width), terminal::wall(report, width).trim_end())?;
+    let written =
+        format!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
+    writeln!(Stdout, "{}", terminal::wrapped(&written, "    ", width))?;
+    write!(Stdout, "\n{}", terminal::headline(report, width))?;
     Ok(())
 }

@@ -17,4 +17,4 @@ pub mod tiles;
 pub use error::RenderError;
 pub use film::Film;
 pub use light::Light;
-pub use renderer::{Part, Renderer, Session, TaskCut};
+pub use renderer::{Part, Renderer, Session, TaskCut, Traced};

@@ -4,6 +4,7 @@ use crate::film::WaveSums;
 use crate::{Light, RenderError, memory};
 use glam::Vec3;
 use rt_balance::report::StreamRun;
+use rt_balance::sample::Fraction;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::Surfaces;
 use rt_core::{Camera, Hit, Precision, RaySource, random};
@@ -14,6 +15,9 @@ use std::sync::atomic::AtomicBool;
 
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
+
+/// Share of the rays that is sampled to see what an estimate would have said: that of the estimators which sample.
+const UNUSED_FRACTION: Fraction = Fraction::SIXTY_FOURTH;
 
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
@@ -70,25 +74,46 @@ pub struct Renderer<'a> {
     pub seed: u32,
     /// Whether every task is measured by itself in separate passes.
     pub reference: bool,
+    /// Whether streams of the first frame that were traced without an estimate are estimated afterwards, to see what
+    /// that would have said.
+    pub unused: bool,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
 
-/// Devices, schedule, and what was recorded of each stream so far.
+/// Devices, schedule, and who is told of what was traced.
 pub struct Session<'a> {
     /// The devices.
     pub balancer: Balancer,
     /// How streams are scheduled.
     pub scheduling: Scheduling,
-    /// What was recorded, in the order in which streams were traced.
-    pub runs: Vec<StreamRun>,
     /// Is told how many rays of how many are traced, and at the end of each stream that all are.
     pub show: &'a dyn Fn(u64, u64),
+    /// Is given the record of each stream when it has been traced.
+    pub record: &'a mut dyn FnMut(Traced<'_>),
+}
+
+/// A stream that was just traced.
+#[derive(Debug)]
+pub struct Traced<'a> {
+    /// What was recorded.
+    pub run: StreamRun,
+    /// The rays.
+    stream: &'a PathStream,
+    part: Part<'a>,
+}
+
+impl Traced<'_> {
+    /// The pixel that a ray is for, `x | y << 16`.
+    #[must_use]
+    pub fn pixel(&self, ray: u32) -> u32 {
+        self.part.wave.pixels[(self.stream.path(ray) / self.part.paths.samples.max(1)) as usize]
+    }
 }
 
 impl std::fmt::Debug for Session<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("balancer", &self.balancer).field("runs", &self.runs.len()).finish()
+        f.debug_struct("Session").field("balancer", &self.balancer).finish_non_exhaustive()
     }
 }
 
@@ -154,11 +179,12 @@ impl Renderer<'_> {
 
     /// Traces a stream and records it.
     fn trace(&self, session: &mut Session<'_>, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>, RenderError> {
-        let Session { balancer, scheduling, runs, show } = session;
+        let Session { balancer, scheduling, show, record } = session;
         let rays = stream.source.len();
         if rays == 0 {
             return Ok(Vec::new());
         }
+        let path_stream = stream;
         let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
         let stream = self.cut.of(stream, balancer.devices().count());
         let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream };
@@ -170,7 +196,10 @@ impl Renderer<'_> {
         if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, control)?.judge(&mut run);
         }
-        runs.push(run);
+        if self.unused && part.frame == 0 && run.report.estimate.is_uninformed() {
+            balancer.estimate_unused(&stream, &mut run, UNUSED_FRACTION, scheduling.limits, control)?;
+        }
+        record(Traced { run, stream: path_stream, part });
         Ok(hits)
     }
 

@@ -41,6 +41,7 @@ fn garden() -> (Renderer<'static>, Paths) {
         cut: TaskCut::Size(1024),
         seed: 5,
         reference: false,
+        unused: false,
         cancel: &NEVER,
     };
     let paths = renderer.paths(view.camera().expect("a camera"), 0);
@@ -51,7 +52,7 @@ fn with_session<T>(renderer: &Renderer<'_>, work: impl FnOnce(&mut Session<'_>) 
     let devices = CpuDevice::open_all(&[1]).expect("a processor").into_iter();
     let devices: Vec<Arc<dyn Device>> = devices.map(|device| Arc::new(device) as _).collect();
     let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices).expect("a processor takes it");
-    let mut session = Session { balancer, scheduling: Scheduling::default(), runs: Vec::new(), show: &|_, _| {} };
+    let mut session = Session { balancer, scheduling: Scheduling::default(), show: &|_, _| {}, record: &mut |_| {} };
     work(&mut session)
 }
 

@@ -8,6 +8,7 @@ pub mod chart;
 pub mod diff;
 mod error;
 pub mod exit;
+pub mod headline;
 pub mod html;
 pub mod image;
 mod machine;
@@ -17,6 +18,7 @@ pub mod print;
 mod provenance;
 pub mod report;
 pub mod table;
+pub mod terminal;
 pub mod usage;
 
 pub use error::ReportError;

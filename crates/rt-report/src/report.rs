@@ -1,7 +1,8 @@
 //! `report.json`, schema 2 (described in docs/report.md).
 
 use crate::Provenance;
-use rt_balance::report::StreamReport;
+use crate::headline::Headline;
+use rt_balance::report::{StreamReport, StreamRun};
 use rt_cluster::ClusterReport;
 use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
@@ -26,6 +27,8 @@ pub struct Report {
     /// What was dealt to which process, one entry for each frame; empty where there was one process alone. `streams`
     /// are those of rank 0 then.
     pub cluster: Vec<ClusterReport>,
+    /// How well it was balanced.
+    pub headline: Headline,
     /// Where the time went.
     pub seconds: Seconds,
     /// Where it comes from.
@@ -95,10 +98,31 @@ pub struct Seconds {
     pub trace: f64,
     /// The separate measuring passes of `--reference`.
     pub reference: f64,
+    /// Estimates that nothing was scheduled by, made for comparison.
+    pub unused_estimate: f64,
     /// The picture made of hits.
     pub shade: f64,
     /// Pictures and charts; this file itself is written last and not counted.
     pub write: f64,
     /// From the start of the program.
     pub total: f64,
+}
+
+impl Seconds {
+    /// Adds streams that took `wall_s` seconds with all that was done about them: what is not accounted for was
+    /// shading.
+    pub fn add_streams(&mut self, runs: &[StreamRun], wall_s: f64) {
+        let sum = |part: fn(&StreamRun) -> f64| runs.iter().map(part).sum::<f64>();
+        let setup = sum(|run| run.report.setup_s);
+        let estimate = sum(|run| run.report.estimate.seconds);
+        let makespan = sum(|run| run.report.makespan_s);
+        let reference = sum(|run| run.reference_s.unwrap_or_default());
+        let unused = sum(|run| run.report.estimate.unused.as_ref().map_or(0.0, |unused| unused.seconds));
+        self.setup += setup;
+        self.estimate += estimate;
+        self.trace += makespan - estimate;
+        self.reference += reference;
+        self.unused_estimate += unused;
+        self.shade += (wall_s - setup - makespan - reference - unused).max(0.0);
+    }
 }

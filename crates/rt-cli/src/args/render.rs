@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Parser)]
 pub(crate) struct RenderArgs {
-    /// yard, car, or an OBJ file [default: yard]
+    /// yard, car, or a file (OBJ, PLY, STL, glTF) [default: yard]
     pub(crate) scene: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,

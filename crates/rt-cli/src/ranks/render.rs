@@ -9,10 +9,11 @@ use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
 use rt_cluster::{Checkpoint, Deal, Finished, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
-use rt_render::{Film, Session};
-use rt_report::Provenance;
+use rt_render::{Film, Session, Traced};
+use rt_report::headline::Headline;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
+use rt_report::{Provenance, terminal};
 use rt_scene::streams::Waves;
 use std::io::{self, Write};
 use std::time::Instant;
@@ -34,7 +35,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let tiles = cut(args, ranks)?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, outputs.as_ref())?;
-    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &|_, _| {} };
+    let mut streams = Vec::new();
+    let mut record = |traced: Traced<'_>| streams.push(traced.run.report);
+    let mut session = Session { balancer, scheduling, show: &|_, _| {}, record: &mut record };
     let scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] }, args.spp)?;
     let (mut reports, mut is_complete) = (Vec::new(), true);
@@ -89,14 +92,15 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     interrupt::check()?;
     if is_first {
         seconds.total = start.elapsed().as_secs_f64();
-        let Session { scheduling, runs, .. } = session;
+        let Session { scheduling, .. } = session;
         let report = Report {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
-            streams: runs.into_iter().map(|run| run.report).collect(),
+            streams,
+            headline: Headline::of_processes(&reports),
             cluster: reports,
             seconds,
         };
@@ -104,10 +108,12 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         if args.json {
             writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
         } else {
-            render::print_scene(&report)?;
+            let width = terminal::columns();
+            write!(Stdout, "{}", terminal::scene(&report, width))?;
             print(&report.cluster)?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
             writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;
+            write!(Stdout, "\n{}", terminal::headline(&report, width))?;
         }
     }
     Ok(is_complete)

@@ -23,13 +23,13 @@ pub(super) struct Site<'a> {
     renderer: Renderer<'a>,
     camera: rt_core::Camera,
     wave: Wave,
-    together: Session<'a>,
+    together: Holder,
     /// Short name of the scene.
     pub(super) name: String,
     pub(super) scene: SceneReport,
     /// As the command line names each, and what it calls itself.
     pub(super) devices: Vec<(String, String)>,
-    pub(super) alone: Vec<Alone<'a>>,
+    pub(super) alone: Vec<Alone>,
     /// Seconds of loading and building.
     pub(super) prepare_s: f64,
     /// Seconds of bringing the scene to the devices, kernels compiled.
@@ -38,9 +38,12 @@ pub(super) struct Site<'a> {
     reference: bool,
 }
 
+/// Devices that hold the scene; nothing while they render.
+struct Holder(Option<Balancer>);
+
 /// One device alone, for all that are named alike.
-pub(super) struct Alone<'a> {
-    session: Session<'a>,
+pub(super) struct Alone {
+    holder: Holder,
     pub(super) entry: String,
     pub(super) name: String,
     /// How many are named alike.
@@ -113,23 +116,22 @@ impl<'a> Site<'a> {
         let camera = view.camera().context("the scene's camera")?;
         let described = SceneReport::of(&prepared);
         let tree = Arc::clone(&prepared.built.scene);
-        let session = |devices: &[Arc<dyn Device>]| -> Result<Session<'a>> {
-            let balancer = Balancer::open(Arc::clone(&tree), devices, &Limits::default(), lab.control())?;
-            Ok(Session { balancer, scheduling: Scheduling::default(), runs: Vec::new(), show: &|_, _| {} })
+        let on = |devices: &[Arc<dyn Device>]| {
+            Balancer::open(Arc::clone(&tree), devices, &Limits::default(), lab.control()).map(|b| Holder(Some(b)))
         };
         let all: Vec<Arc<dyn Device>> = opened.iter().map(|opened| Arc::clone(&opened.device)).collect();
         let begin = Instant::now();
-        let together = session(&all)?;
+        let together = on(&all)?;
         let setup_s = begin.elapsed().as_secs_f64();
         let devices: Vec<(String, String)> =
             opened.iter().map(|opened| (opened.entry.clone(), opened.device.info().name.clone())).collect();
-        let mut alone: Vec<Alone<'_>> = Vec::new();
+        let mut alone: Vec<Alone> = Vec::new();
         for (Opened { entry, device, .. }, (_, name)) in opened.iter().zip(&devices).filter(|_| devices.len() > 1) {
             match alone.iter_mut().find(|known| known.entry == *entry) {
                 Some(known) => known.count += 1,
                 None => {
-                    let session = session(std::slice::from_ref(device))?;
-                    alone.push(Alone { session, entry: entry.clone(), name: name.clone(), count: 1 });
+                    let holder = on(std::slice::from_ref(device))?;
+                    alone.push(Alone { holder, entry: entry.clone(), name: name.clone(), count: 1 });
                 }
             }
         }
@@ -146,6 +148,7 @@ impl<'a> Site<'a> {
             cut: options.cut,
             seed: options.seed,
             reference: false,
+            unused: false,
             cancel: lab.stop,
         };
         let (wave, prepare_s) = (Wave::whole(options.size())?, load_s + build_s);
@@ -181,13 +184,12 @@ impl<'a> Site<'a> {
             let picture = if let Some(way) = ways.get(index) {
                 let mut fresh = None;
                 let scheduling = kept[index].as_mut().unwrap_or_else(|| fresh.insert(way.scheduling()));
-                self.together(scheduling).with_context(|| way.label())
+                self.take(None, scheduling).with_context(|| way.label())
             } else {
-                let Alone { session, entry, .. } = &mut self.alone[index - ways.len()];
+                let alone = index - ways.len();
                 // A new one, as for every first picture.
-                session.scheduling = Scheduling::default();
-                take(self.lab, &self.renderer, self.camera, &self.wave, session)
-                    .with_context(|| format!("{entry} alone"))
+                let picture = self.take(Some(alone), &mut Scheduling::default());
+                picture.with_context(|| format!("{} alone", self.alone[alone].entry))
             };
             pictures[index] = Some(picture?);
             time.step();
@@ -199,46 +201,41 @@ impl<'a> Site<'a> {
         Ok(Round { seed, ways: pictures, alone, lower_bound_s })
     }
 
-    /// The picture by all devices.
-    fn together(&mut self, scheduling: &mut Scheduling) -> Result<Picture> {
-        std::mem::swap(&mut self.together.scheduling, scheduling);
-        let taken = take(self.lab, &self.renderer, self.camera, &self.wave, &mut self.together);
-        std::mem::swap(&mut self.together.scheduling, scheduling);
-        taken
-    }
-
     /// Least seconds of the round's picture, from a pass in which every task is traced alone.
     fn lower_bound(&mut self, time: &TimeBudget<'_>) -> Result<Option<f64>> {
         if !self.reference {
             return Ok(None);
         }
         self.renderer.reference = true;
-        let measured = self.together(&mut Scheduling::default()).context("the reference");
+        let measured = self.take(None, &mut Scheduling::default()).context("the reference");
         self.renderer.reference = false;
         time.step();
         Ok(measured?.streams.iter().map(|stream| stream.lower_bound_s).sum())
     }
-}
 
-/// Renders the picture once.
-fn take(
-    lab: Lab<'_>,
-    renderer: &Renderer<'_>,
-    camera: rt_core::Camera,
-    wave: &Wave,
-    session: &mut Session<'_>,
-) -> Result<Picture> {
-    lab.go_on()?;
-    let begin = Instant::now();
-    let paths = renderer.paths(camera, 0);
-    renderer.wave(session, Part { paths: &paths, frame: 0, number: 0, wave })?;
-    let wall_s = begin.elapsed().as_secs_f64();
-    let streams: Vec<StreamReport> = session.runs.drain(..).map(|run| run.report).collect();
-    // What is compared would be another set of devices from then on.
-    for device in streams.iter().flat_map(|stream| &stream.devices) {
-        if let Some(error) = &device.error {
-            bail!("{} failed, and there is nothing to compare without it: {error}", device.name);
+    /// Renders the picture once, by all devices or by one alone.
+    fn take(&mut self, alone: Option<usize>, scheduling: &mut Scheduling) -> Result<Picture> {
+        self.lab.go_on()?;
+        let Holder(place) = alone.map_or(&mut self.together, |index| &mut self.alone[index].holder);
+        let balancer = place.take().context("the picture before did not end")?;
+        let mut streams: Vec<StreamReport> = Vec::new();
+        let mut record = |traced: rt_render::Traced<'_>| streams.push(traced.run.report);
+        let scheduling_of = std::mem::take(scheduling);
+        let mut session = Session { balancer, scheduling: scheduling_of, show: &|_, _| {}, record: &mut record };
+        let begin = Instant::now();
+        let paths = self.renderer.paths(self.camera, 0);
+        let part = Part { paths: &paths, frame: 0, number: 0, wave: &self.wave };
+        let rendered = self.renderer.wave(&mut session, part);
+        let wall_s = begin.elapsed().as_secs_f64();
+        let Session { balancer, scheduling: used, .. } = session;
+        (*place, *scheduling) = (Some(balancer), used);
+        rendered?;
+        // What is compared would be another set of devices from then on.
+        for device in streams.iter().flat_map(|stream| &stream.devices) {
+            if let Some(error) = &device.error {
+                bail!("{} failed, and there is nothing to compare without it: {error}", device.name);
+            }
         }
+        Ok(Picture { wall_s, streams })
     }
-    Ok(Picture { wall_s, streams })
 }

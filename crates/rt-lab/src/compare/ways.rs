@@ -118,7 +118,7 @@ pub(super) fn ways(options: &Options) -> Result<Vec<Way>> {
 /// What was named, or the default.
 fn or_first<T>(named: &[&'static Entry<T>], all: &'static [Entry<T>]) -> impl Iterator<Item = &'static Entry<T>> {
     let first = named.is_empty().then(|| &all[0]);
-    named.to_vec().into_iter().chain(first)
+    named.iter().copied().chain(first)
 }
 
 #[cfg(test)]

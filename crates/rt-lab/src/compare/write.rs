@@ -9,6 +9,7 @@ use rt_report::chart::intervals::{Chart, Row, to_svg};
 use rt_report::html::Page;
 use rt_report::output::write_atomically;
 use rt_report::table::{self, Table, grouped, percent, seconds};
+use rt_report::terminal::{self, wrapped};
 use std::fmt::Write as _;
 
 /// Every file.
@@ -141,18 +142,13 @@ fn streams(results: &Results) -> Table {
 }
 
 fn terminal(results: &Results, out: &str) -> String {
-    let mut text = String::new();
-    for line in wrapped(&subject(results)) {
-        let _ = writeln!(text, "{line}");
-    }
-    let _ = writeln!(text, "\n{}", ways(results));
+    let width = terminal::columns();
+    let mut text = format!("{}\n\n{}\n", wrapped(&subject(results), "", width), ways(results).to_text(width));
     if let Some(alone) = alone(results) {
-        let _ = writeln!(text, "{alone}");
+        let _ = writeln!(text, "{}", alone.to_text(width));
     }
     for sentence in results.verdict.sentences.iter().chain(&development(results)) {
-        for line in wrapped(sentence) {
-            let _ = writeln!(text, "  {line}");
-        }
+        let _ = writeln!(text, "  {}", wrapped(sentence, "  ", width - 2));
     }
     let options = &results.ways[results.verdict.way].options;
     if !options.is_empty() {
@@ -161,25 +157,6 @@ fn terminal(results: &Results, out: &str) -> String {
     }
     let _ = write!(text, "\n  written to {out}: compare.json, .csv, .md, .svg and report.html");
     text
-}
-
-/// Lines of at most so many letters, which terminals of 100 have room for with a margin.
-const LINE: usize = 96;
-
-/// A sentence in lines.
-fn wrapped(text: &str) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split(' ') {
-        let line = lines.last_mut().expect("there is one from the start");
-        if line.is_empty() {
-            line.push_str(word);
-        } else if line.chars().count() + 1 + word.chars().count() <= LINE {
-            let _ = write!(line, " {word}");
-        } else {
-            lines.push(word.to_owned());
-        }
-    }
-    lines
 }
 
 fn markdown(results: &Results) -> String {

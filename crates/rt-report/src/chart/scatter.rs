@@ -71,7 +71,7 @@ impl Panel {
     fn summary(&self, tasks: &[[f64; 2]]) -> String {
         let [estimated, measured] = [0, 1].map(|i| tasks.iter().map(|task| task[i]).collect::<Vec<f64>>());
         let Some(errors) = EstimateErrors::new(&estimated, &measured) else {
-            return "no task whose own time is known".to_owned();
+            return "no task of which both are known".to_owned();
         };
         let percent = |share: f64| significant(100.0 * share);
         format!(
@@ -100,7 +100,7 @@ mod tests {
     fn unknown_times_are_left_out() {
         let tasks = vec![[1.0, f64::NAN], [f64::INFINITY, 1.0], [0.0, 0.0], [-1.0, 1.0]];
         let svg = to_svg(&[Panel { title: String::new(), tasks }]).unwrap();
-        assert!(svg.contains("no task whose own time") && !svg.contains("<circle"));
+        assert!(svg.contains("no task of which both") && !svg.contains("<circle"));
         assert!(to_svg(&[]).is_err());
     }
 }

@@ -93,7 +93,8 @@ const FREE: [(&str, &[&str]); 8] = [
 ];
 
 /// Wall seconds by what was done, in the order in which it is done.
-const STAGES: [&str; 9] = ["load", "build", "setup", "estimate", "trace", "reference", "shade", "write", "total"];
+const STAGES: [&str; 10] =
+    ["load", "build", "setup", "estimate", "trace", "reference", "unused_estimate", "shade", "write", "total"];
 
 impl Diff {
     /// Reads both files.
