@@ -44,6 +44,7 @@ impl Run {
         let report = Report {
             schema: SCHEMA,
             scene: SceneReport::of(&scene),
+            picture: None,
             queue,
             policy,
             streams: vec![of_stream.clone()],

@@ -113,6 +113,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: SceneReport::of(&prepared),
+            picture: None,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
             headline: report

@@ -75,7 +75,7 @@ impl Panel {
         };
         let percent = |share: f64| significant(100.0 * share);
         format!(
-            "{} tasks, mean error {} %, 95th percentile {} %",
+            "{} tasks; error against the measured time: mean {} %, 95th percentile {} %",
             errors.tasks,
             percent(errors.mean_relative),
             percent(errors.p95)
@@ -93,7 +93,11 @@ mod tests {
         let svg = to_svg(&[Panel { title: "<a>".to_owned(), tasks }]).unwrap();
         assert!((500..=MOST_DOTS).contains(&svg.matches("<circle").count()));
         // After one scale the estimates are right.
-        assert!(svg.contains("19999 tasks, mean error 0.00 %") && svg.contains("&lt;a&gt;"), "{}", &svg[..900]);
+        assert!(
+            svg.contains("19999 tasks; error against the measured time: mean 0.00 %") && svg.contains("&lt;a&gt;"),
+            "{}",
+            &svg[..900]
+        );
     }
 
     #[test]

@@ -16,10 +16,6 @@ pub struct Rendered<'a> {
     pub runs: &'a [StreamRun],
     /// What the first frame's rays cost, kind by kind.
     pub maps: &'a [CostMap],
-    /// Width and height of the picture in pixels.
-    pub size: [u32; 2],
-    /// Rays per pixel.
-    pub samples: u32,
     /// The picture's file: the first frame's.
     pub picture: &'a Path,
 }
@@ -37,11 +33,11 @@ impl Rendered<'_> {
         let mut page = Page::new(&title, &self.report.provenance, &seeds);
         page.lead(&self.report.headline.sentence);
         page.section("Picture");
-        let [width, height] = self.size;
-        page.picture(
-            self.picture,
-            &format!("{} rendered with {} rays per pixel, {width} × {height} pixels", scene.source, self.samples),
-        )?;
+        let told = self.report.picture.as_ref().map_or_else(String::new, |p| {
+            let [width, height] = p.size;
+            format!(" with {} rays per pixel, {width} × {height} pixels", p.samples)
+        });
+        page.picture(self.picture, &format!("{} rendered{told}", scene.source))?;
         measured::add_costs(&mut page, self.maps);
         measured::add_to(&mut page, self.report, self.runs)?;
         page.paragraph(

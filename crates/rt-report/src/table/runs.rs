@@ -9,7 +9,7 @@ use std::fmt::Write;
 #[must_use]
 pub fn reasons(runs: &[StreamRun]) -> String {
     let name = Naming::of(runs);
-    let shown = longest(runs, MOST_STREAMS);
+    let shown = longest(runs, MOST_ROWS);
     let lines = shown.iter().filter_map(|run| {
         let estimate = &run.report.estimate;
         let reason = estimate.reason.as_ref()?;
@@ -18,14 +18,12 @@ pub fn reasons(runs: &[StreamRun]) -> String {
     lines.collect()
 }
 
-/// Most streams that a table lists: more than that nobody reads. The longest are kept.
-const MOST_STREAMS: usize = 64;
-
-/// How each stream was balanced, and all of them together.
+/// How the streams of each kind were balanced, and all of them together.
 #[must_use]
 pub fn stream_table(runs: &[StreamRun]) -> Table {
-    let mut streams = Table::new(&[
+    let mut table = Table::new(&[
         "stream",
+        "streams",
         "rays",
         "tasks",
         "Mray/s",
@@ -39,48 +37,107 @@ pub fn stream_table(runs: &[StreamRun]) -> Table {
         "imbalance",
         "excess",
     ]);
-    let name = Naming::of(runs);
-    let shown = longest(runs, MOST_STREAMS);
-    let speed = |rays: f64, seconds: f64| format!("{:.2}", rays / seconds.max(f64::MIN_POSITIVE) / 1e6);
-    for report in shown.iter().map(|run| &run.report) {
-        let estimate = &report.estimate;
-        let made = |text: String| if estimate.is_uninformed() { DASH.to_owned() } else { text };
-        streams.row(vec![
-            name.of_stream(report),
-            grouped(report.rays.into()),
-            grouped(report.tasks.into()),
-            speed(report.rays.into(), report.makespan_s),
-            estimate.chosen.clone(),
-            made(seconds(estimate.seconds)),
-            made(percent(estimate.overhead)),
-            percent(estimate.std_error),
-            made(percent(estimate.mre_counts)),
-            made(percent(estimate.mre_time)),
-            seconds(report.makespan_s),
-            percent(report.imbalance),
-            percent(report.excess),
-        ]);
+    let groups = groups(runs);
+    let any_several = groups.iter().any(|group| group.reports.len() > 1);
+    let mut shown: Vec<&Group<'_>> = groups.iter().collect();
+    shown.sort_by(|a, b| b.makespan_s().total_cmp(&a.makespan_s()));
+    shown.truncate(MOST_ROWS);
+    shown.sort_by_key(|group| group.place);
+    for group in &shown {
+        table.row(group.cells(any_several));
     }
-    if runs.len() > 1 {
-        let sum = |part: fn(&StreamReport) -> f64| runs.iter().map(|run| part(&run.report)).sum::<f64>();
-        let [rays, tasks] = [sum(|report| report.rays.into()), sum(|report| report.tasks.into())];
-        let (makespan, estimates) = (sum(|report| report.makespan_s), sum(|report| report.estimate.seconds));
-        let any_made = runs.iter().any(|run| !run.report.estimate.is_uninformed());
-        let name = if shown.len() < runs.len() {
-            format!("all {} (the {} longest above)", grouped(runs.len() as u64), shown.len())
+    if groups.len() > 1 {
+        let name = if shown.len() < groups.len() {
+            format!("all {} (the {} longest above)", grouped(groups.len() as u64), shown.len())
         } else {
             "all".to_owned()
         };
-        let mut cells = vec![String::new(); streams.rows[0].len()];
-        cells[0] = name;
-        cells[1] = grouped(rays as u64);
-        cells[2] = grouped(tasks as u64);
-        cells[3] = speed(rays, makespan);
-        cells[5] = if any_made { seconds(estimates) } else { String::new() };
-        cells[10] = seconds(makespan);
-        streams.row(cells);
+        let all = Group { name, place: 0, reports: runs.iter().map(|run| &run.report).collect() };
+        let mut cells = all.cells(any_several);
+        // Errors and shares of different kinds have no common meaning.
+        for column in [5, 7, 8, 9, 10, 12, 13] {
+            cells[column].clear();
+        }
+        table.row(cells);
     }
-    streams.without_empty_columns()
+    table.without_empty_columns()
+}
+
+/// Most rows of a table: more than that nobody reads. The longest are kept.
+const MOST_ROWS: usize = 64;
+
+/// The streams of one kind and frame: its passes, and waves.
+struct Group<'a> {
+    name: String,
+    /// Position among all.
+    place: usize,
+    reports: Vec<&'a StreamReport>,
+}
+
+fn groups(runs: &[StreamRun]) -> Vec<Group<'_>> {
+    let several_frames = runs.iter().any(|run| run.report.frame > 0);
+    let mut groups: Vec<Group<'_>> = Vec::new();
+    for report in runs.iter().map(|run| &run.report) {
+        let frame = if several_frames { format!(", frame {}", report.frame) } else { String::new() };
+        let name = report.kind.clone() + &frame;
+        match groups.iter_mut().find(|group| group.name == name) {
+            Some(group) => group.reports.push(report),
+            None => groups.push(Group { name, place: groups.len(), reports: vec![report] }),
+        }
+    }
+    groups
+}
+
+impl Group<'_> {
+    fn sum(&self, part: impl Fn(&StreamReport) -> f64) -> f64 {
+        self.reports.iter().map(|report| part(report)).sum()
+    }
+
+    fn makespan_s(&self) -> f64 {
+        self.sum(|report| report.makespan_s)
+    }
+
+    /// How much longer the makespans together are than what `least` says of each; `None` where it says nothing of one.
+    fn beyond(&self, least: impl Fn(&StreamReport) -> Option<f64>) -> Option<f64> {
+        let least = self.reports.iter().map(|report| least(report)).sum::<Option<f64>>()?;
+        Some(self.makespan_s() / least - 1.0).filter(|share| share.is_finite())
+    }
+
+    /// The mean over those streams of which it is known, by their rays.
+    fn mean(&self, of: impl Fn(&StreamReport) -> Option<f64>) -> Option<f64> {
+        let known = self.reports.iter().filter_map(|report| Some((f64::from(report.rays), of(report)?)));
+        let (rays, sum) = known.fold((0.0, 0.0), |(rays, sum), (own, value)| (rays + own, sum + own * value));
+        (rays > 0.0).then(|| sum / rays)
+    }
+
+    fn cells(&self, any_several: bool) -> Vec<String> {
+        let made = |report: &StreamReport| !report.estimate.is_uninformed();
+        let of_made = |of: fn(&StreamReport) -> Option<f64>| self.mean(|report| of(report).filter(|_| made(report)));
+        let rays = self.sum(|report| report.rays.into());
+        let makespan_s = self.makespan_s();
+        let estimate_s = self.sum(|report| if made(report) { report.estimate.seconds } else { 0.0 });
+        let any_made = self.reports.iter().any(|report| made(report));
+        let mut estimators: Vec<&str> = self.reports.iter().map(|report| &*report.estimate.chosen).collect();
+        estimators.dedup();
+        estimators.sort_unstable();
+        estimators.dedup();
+        vec![
+            self.name.clone(),
+            if any_several { grouped(self.reports.len() as u64) } else { DASH.to_owned() },
+            grouped(rays as u64),
+            grouped(self.sum(|report| report.tasks.into()) as u64),
+            format!("{:.2}", rays / makespan_s.max(f64::MIN_POSITIVE) / 1e6),
+            estimators.join(", "),
+            if any_made { seconds(estimate_s) } else { DASH.to_owned() },
+            percent(any_made.then(|| estimate_s / (makespan_s - estimate_s)).filter(|share| share.is_finite())),
+            percent(self.mean(|report| report.estimate.std_error)),
+            percent(of_made(|report| report.estimate.mre_counts)),
+            percent(of_made(|report| report.estimate.mre_time)),
+            seconds(makespan_s),
+            percent(self.beyond(|report| Some(report.makespan_s / (1.0 + report.imbalance?)))),
+            percent(self.beyond(|report| report.lower_bound_s)),
+        ]
+    }
 }
 
 /// The streams with the longest makespans, in their own order.
@@ -241,6 +298,7 @@ pub fn device_remarks(runs: &[StreamRun]) -> Vec<String> {
 pub fn meaning(head: &str) -> Option<&'static str> {
     let meanings = [
         ("stream", "rays of one kind, traced together"),
+        ("streams", "how many of the kind there were: passes of more and more samples, and parts that fit the memory"),
         ("rays", "how many were traced"),
         ("tasks", "parts of a stream, the unit that is dealt"),
         ("Mray/s", "million rays per second of makespan"),
@@ -305,10 +363,30 @@ mod tests {
         let mut uninformed = traced("cpu", 0.99);
         uninformed.report.estimate.chosen = "uniform".to_owned();
         uninformed.report.devices.iter_mut().for_each(|device| device.kernel_share = Some(1.0));
-        let runs = [uninformed.clone(), uninformed];
+        let mut other = uninformed.clone();
+        other.report.kind = "shadow 0".to_owned();
+        let runs = [uninformed.clone(), other.clone()];
         let streams = stream_table(&runs);
         assert_eq!(streams.rows()[0], ["stream", "rays", "tasks", "Mray/s", "estimator", "makespan", "imbalance"]);
         assert_eq!(streams.rows()[3][..3], ["all", "2,097,152", "2,048"]);
+        // Streams of one kind are one row, longer than its bounds by what their sums tell.
+        let passes = [
+            uninformed.clone(),
+            other,
+            StreamRun {
+                report: {
+                    let mut report = uninformed.report.clone();
+                    report.makespan_s = 6.0;
+                    report.imbalance = Some(0.5);
+                    report
+                },
+                ..uninformed
+            },
+        ];
+        let table = stream_table(&passes);
+        let row = &table.rows()[1];
+        let excess = percent(Some(8.0 / (2.0 / 1.01 + 4.0) - 1.0));
+        assert_eq!([&*row[0], &*row[1], &*row[2], &*row[7]], ["primary", "2", "2,097,152", &*excess]);
         let devices = device_table(&runs);
         assert_eq!(devices.rows()[0], ["device", "busy", "launches", "tasks", "rays"]);
         assert_eq!(devices.rows()[3], ["all", "4.00 s", "4", "4", "4,096"]);
