@@ -49,11 +49,8 @@ impl Show for Terminal {
 /// Refuses streams of more rays than there is memory for. Sizes that the user does not choose fit every machine.
 fn require_room(rays: Option<u64>, advice: &str) -> Result<()> {
     let Some(rays) = rays else { return Ok(()) };
-    Room::now().require(
-        rays.saturating_mul(BYTES_PER_MEASURED_RAY),
-        &format!("measuring streams of {rays} rays"),
-        advice,
-    )
+    let bytes = rays.saturating_mul(BYTES_PER_MEASURED_RAY);
+    Ok(Room::now().require(bytes, &format!("measuring streams of {rays} rays"), advice)?)
 }
 
 fn pixels(size: Option<[u32; 2]>) -> Option<u64> {

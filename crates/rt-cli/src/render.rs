@@ -1,24 +1,24 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
+use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
 use crate::ranks::{self, Ranks};
 use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
 use crate::{chart, html, interrupt, output, progress, scene};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, DEFAULT_TASK_SIZE, Limits};
+use rt_balance::{Balancer, Limits};
 use rt_core::Device;
 use rt_core::bounce::Surfaces;
-use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, TaskCut, Traced};
+use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
 use rt_report::print::{Stdout, note};
 use rt_report::usage::OrUsage;
 use rt_report::{Provenance, image, terminal};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Paths, Waves};
+use rt_scene::streams::Paths;
 use rt_scene::{View, view};
 use std::cell::Cell;
 use std::io::Write;
@@ -53,7 +53,9 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let outputs = outputs(args, &FILES);
     scene::check([scene_of(args)])?;
     outputs.check()?;
-    let waves = cut(args, Room::now())?;
+    let RenderArgs { size, spp: samples, bounces, frames, .. } = *args;
+    let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
+    let waves = Room::now().waves(&needs, args.memory)?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
     let renderer = Renderer { unused: true, ..renderer };
@@ -260,36 +262,6 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
 
 pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
     if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
-}
-
-/// Least memory in which rays are traced.
-const LEAST_WAVE: u64 = 1 << 20;
-
-/// Cuts the picture into waves, or refuses one for which there is no room.
-fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
-    let [width, height] = args.size;
-    let pixels = u64::from(width) * u64::from(height);
-    // Primary rays, and for each bounce shadow and diffuse ones at most.
-    let rays = pixels * u64::from(args.spp) * u64::from(2 * args.bounces + 2);
-    let tasks = match args.balance.cut() {
-        // Smaller ones only where they are few.
-        TaskCut::Suited => rays / u64::from(DEFAULT_TASK_SIZE),
-        TaskCut::Size(size) => rays / u64::from(size.max(1)),
-        TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * args.bounces + 2),
-    };
-    let records = tasks * u64::from(args.frames) * BYTES_PER_TASK;
-    let kept = pixels * Film::BYTES_PER_PIXEL + records;
-    let what = format!(
-        "a picture of {width} x {height} pixels ({} bytes a pixel, {} for the records of {tasks} tasks)",
-        Film::BYTES_PER_PIXEL,
-        memory::size(records),
-    );
-    room.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
-    // What the picture leaves, if that is less than may be used; the scene wants half of it.
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory.min((room.bytes - kept) / 2))?;
-    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_PATH;
-    room.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
-    Ok(waves)
 }
 
 fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {

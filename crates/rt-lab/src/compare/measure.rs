@@ -13,7 +13,7 @@ use rt_core::bounce::Surfaces;
 use rt_render::{Light, Part, Renderer, Session};
 use rt_report::report::SceneReport;
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::Wave;
+use rt_scene::streams::{Samples, Wave};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -221,11 +221,13 @@ impl<'a> Site<'a> {
         let mut streams: Vec<StreamReport> = Vec::new();
         let mut record = |traced: rt_render::Traced<'_>| streams.push(traced.run.report);
         let scheduling_of = std::mem::take(scheduling);
-        let mut session = Session { balancer, scheduling: scheduling_of, show: &|_, _| {}, record: &mut record };
+        let mut session = Session { balancer, scheduling: scheduling_of, show: &|_| {}, record: &mut record };
         let begin = Instant::now();
         let paths = self.renderer.paths(self.camera, 0);
-        let part = Part { paths: &paths, frame: 0, number: 0, wave: &self.wave };
-        let rendered = self.renderer.wave(&mut session, part);
+        let samples = Samples::all(self.renderer.samples);
+        let part = Part { paths: &paths, frame: 0, number: 0, wave: &self.wave, samples };
+        let mut sums = vec![glam::Vec3::ZERO; self.wave.pixels.len()];
+        let rendered = self.renderer.part(&mut session, part, &mut sums);
         let wall_s = begin.elapsed().as_secs_f64();
         let Session { balancer, scheduling: used, .. } = session;
         (*place, *scheduling) = (Some(balancer), used);

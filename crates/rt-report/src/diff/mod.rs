@@ -69,12 +69,13 @@ pub struct Row {
 }
 
 /// What must be the same for seconds to be comparable: what it is called, and where it is told.
-const SAME: [(&str, &[&str]); 8] = [
+const SAME: [(&str, &[&str]); 9] = [
     ("scene", &["scene.source"]),
     ("number of triangles", &["scene.triangles"]),
     ("size", &["size", "picture.size"]),
     ("rays a pixel", &["samples", "picture.samples"]),
     ("bounces", &["bounces", "picture.bounces"]),
+    ("frames", &["picture.frames"]),
     ("seed", &["provenance.seed"]),
     ("camera", &["camera", "picture.camera"]),
     ("precision", &["scene.precision"]),
