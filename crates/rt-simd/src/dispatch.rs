@@ -5,6 +5,7 @@
 )]
 
 use crate::isa::Found;
+use crate::lanes::portable::Portable;
 use crate::lanes::{LANES, Level};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{avx2::Avx2, avx512::Avx512};
@@ -30,40 +31,47 @@ pub(crate) struct Batch<'a> {
 impl Found {
     /// Traces a batch.
     pub(crate) fn run(self, batch: Batch<'_>) {
+        match batch.query {
+            Query::Closest => self.run_for::<false>(batch),
+            Query::Any => self.run_for::<true>(batch),
+        }
+    }
+
+    fn run_for<const ANY: bool>(self, batch: Batch<'_>) {
         match self {
-            Self::Portable(level) => batch.run(level),
+            Self::Portable(level) => run_portable::<ANY>(level, batch),
             // SAFETY: the proof says that the processor has what the function is compiled for.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(level) => unsafe { run_avx2(level, batch) },
+            Self::Avx2(level) => unsafe { run_avx2::<ANY>(level, batch) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(level) => unsafe { run_avx512(level, batch) },
+            Self::Avx512(level) => unsafe { run_avx512::<ANY>(level, batch) },
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2(level: Avx2, batch: Batch<'_>) {
-    batch.run(level);
+// A function for each query: what is changed for one of them must not change how the other is compiled.
+#[inline(never)]
+fn run_portable<const ANY: bool>(level: Portable, batch: Batch<'_>) {
+    batch.trace::<_, ANY>(level);
 }
 
 #[cfg(target_arch = "x86_64")]
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx2<const ANY: bool>(level: Avx2, batch: Batch<'_>) {
+    batch.trace::<_, ANY>(level);
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline(never)]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx512(level: Avx512, batch: Batch<'_>) {
-    batch.run(level);
+fn run_avx512<const ANY: bool>(level: Avx512, batch: Batch<'_>) {
+    batch.trace::<_, ANY>(level);
 }
 
 impl Batch<'_> {
     // Inlined, as all below, so that it is compiled for the instructions of its caller.
-    #[inline(always)]
-    fn run<L: Level>(self, level: L) {
-        match self.query {
-            Query::Closest => self.trace::<L, false>(level),
-            Query::Any => self.trace::<L, true>(level),
-        }
-    }
-
     #[inline(always)]
     fn trace<L: Level, const ANY: bool>(self, level: L) {
         let Self { tree, frame, packet, few, query, mut excluded, .. } = self;
