@@ -17,7 +17,7 @@ const HEAD: &str = "stream,frame,wave,task,first_ray,rays,kept,device,estimated_
 /// When the file cannot be written.
 pub fn write_csv(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
     write_atomically(path, |out| {
-        write!(out, "{}{HEAD}\n", provenance.csv())?;
+        writeln!(out, "{}{HEAD}", provenance.csv())?;
         runs.iter().try_for_each(|run| lines(run, out))
     })
 }
