@@ -1,7 +1,8 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
 use crate::args::{
-    BenchArgs, CompareArgs, DiffArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs,
+    BenchArgs, CompareArgs, DiffArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, SimulateArgs, TradeArg, TradeArgs,
+    TradeoffArgs,
 };
 use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
@@ -9,7 +10,7 @@ use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_balance::devices::AUTO;
 use rt_lab::tradeoff::{Chosen, precision};
-use rt_lab::{Lab, Show, bench, compare, figure1, tradeoff};
+use rt_lab::{Lab, Show, bench, compare, figure1, simulate, tradeoff};
 use rt_render::TaskCut;
 use rt_report::diff::Diff;
 use rt_report::print::{Stdout, note};
@@ -117,6 +118,24 @@ pub(crate) fn diff(args: &DiffArgs) -> Result<()> {
     Ok(writeln!(Stdout, "{text}")?)
 }
 
+pub(crate) fn simulate(args: &SimulateArgs) -> Result<()> {
+    require_room(pixels(args.from.is_none().then_some(args.size)), "choose a smaller --size")?;
+    let options = simulate::Options {
+        scene: args.scene.clone(),
+        from: args.from.clone(),
+        devices: args.devices.clone(),
+        speeds: args.speeds.clone(),
+        nodes: args.nodes.clone(),
+        launch_s: args.launch.map(|launch| launch.as_secs_f64()),
+        claim_s: args.claim.as_secs_f64(),
+        task_size: args.task_size,
+        size: args.size,
+        seed: args.seed,
+        out: args.out.clone(),
+    };
+    measure(std::slice::from_ref(&args.scene), &args.source, |lab| simulate::run(lab, &options))
+}
+
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
     args.device.check(args.devices.as_deref())?;
     require_room(args.rays.map(u64::from), "choose fewer --rays")?;
@@ -172,6 +191,6 @@ fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
         seed: args.seed,
         out: args.out.clone(),
     };
-    let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
+    let source = SceneArgs { drop_invalid: false, floor: false, builder: args.builder, precision: None };
     measure(&args.scenes, &source, |lab| tradeoff::run_precision(lab, &options))
 }

@@ -54,6 +54,7 @@ fn run(cli: Cli) -> Result<()> {
         Command::Compare(args) => experiments::compare(&args),
         Command::Diff(args) => experiments::diff(&args),
         Command::Figure1(args) => experiments::figure1(&args),
+        Command::Simulate(args) => experiments::simulate(&args),
         Command::Tradeoff(args) => experiments::tradeoff(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Bench(args) => experiments::bench(&args),

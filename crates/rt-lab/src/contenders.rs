@@ -51,6 +51,9 @@ pub const CENTRAL_COST: Contender = contender("central, cost-initialised", Queue
 /// The hybrid queue that knows nothing: the rival of every estimate.
 pub const HYBRID: Contender = contender("hybrid", QueueKind::Hybrid, None, Estimate::None);
 
+/// The hybrid queue with costs.
+pub const HYBRID_COST: Contender = contender("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimate::Asked);
+
 impl Contender {
     /// A new estimator; `asked` is the one that the experiment is about.
     #[must_use]

@@ -3,6 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
+//! | [`simulate`] | machines that are not there, played from measured task times |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
 //! | [`compare`] | which queue, policy and estimator to use for a scene and devices |
 //! | [`contenders`] | the ways to schedule that other experiments set beside each other |
@@ -22,6 +23,7 @@ pub mod compare;
 pub mod contenders;
 pub mod figure1;
 mod lab;
+pub mod simulate;
 mod subject;
 mod time_budget;
 pub mod tradeoff;

@@ -13,10 +13,12 @@
 
 mod contender;
 mod judge;
+mod page;
 
 use clap::Parser;
 use contender::{Contender, Run, Traced};
 use judge::Judge;
+use page::{Cell, Line, Who};
 use rt_balance::stats::Summary;
 use rt_benches::{NamedStream, options};
 use rt_bvh::Builder;
@@ -24,6 +26,7 @@ use rt_core::{Query, Ray, RaySource};
 use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
+use rt_report::usage::usage;
 use rt_scene::npy::RayFile;
 use rt_scene::prepare::Prepared;
 use std::error::Error;
@@ -44,6 +47,9 @@ struct Options {
     /// Size of the picture in pixels
     #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = options::size)]
     size: [u32; 2],
+    /// Numbers of threads, 1 among them: what is measured in processor time stands for this project
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,2")]
+    threads: Vec<usize>,
     /// Rays to trace instead of a picture's, as `raybalance trace` reads them
     #[arg(long, value_name = "FILE", conflicts_with = "size")]
     rays: Option<PathBuf>,
@@ -57,9 +63,14 @@ fn run_all() -> Result<(), Box<dyn Error>> {
     let options = Options::parse();
     write!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(Stdout, "* load of the machine at the start and the end: {}", load())?;
-    for name in &options.common.scenes {
-        bench(name, &options)?;
+    if options.threads.contains(&0) || !options.threads.contains(&1) {
+        return Err(usage("--threads: numbers from 1 on, 1 among them").into());
     }
+    let mut cells = Vec::new();
+    for name in &options.common.scenes {
+        bench(name, &options, &mut cells)?;
+    }
+    page::print(&cells)?;
     writeln!(Stdout, "\nLoad at the end: {}", load())?;
     Ok(())
 }
@@ -69,7 +80,7 @@ fn load() -> String {
     std::fs::read_to_string("/proc/loadavg").map_or_else(|_| "unknown".to_owned(), |text| text.trim().to_owned())
 }
 
-fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
+fn bench(name: &str, options: &Options, cells: &mut Vec<Cell>) -> Result<(), Box<dyn Error>> {
     let prepared = rt_benches::open(name, options.builder)?;
     let (model, scene) = (&prepared.model, &prepared.built.scene);
     writeln!(
@@ -80,12 +91,14 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
         options.builder,
         prepared.build_s
     )?;
-    let (mut contenders, missing) = contender::all(model, scene)?;
+    let (mut contenders, missing) = contender::all(model, scene, &options.threads)?;
     missing.iter().try_for_each(|reason| writeln!(Stdout, "\nLeft out: {reason}"))?;
     writeln!(Stdout, "\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |")?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|")?;
     for (kind, source, query) in streams(&prepared, options)? {
-        compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.common.repeat)?;
+        let lines =
+            compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.common.repeat)?;
+        cells.push(Cell { scene: prepared.name.clone(), rays: kind, lines });
     }
     Ok(())
 }
@@ -105,7 +118,7 @@ fn explicit(source: &RaySource) -> Arc<[Ray]> {
     (0..source.len()).map(|i| source.ray(i).0).collect()
 }
 
-/// Has everybody trace the rays in turns, and prints a line for each.
+/// Has everybody trace the rays in turns, and prints and returns a line for each.
 fn compare(
     kind: &str,
     rays: &Arc<[Ray]>,
@@ -113,7 +126,7 @@ fn compare(
     contenders: &mut [Contender],
     judge: &Judge,
     repeat: u32,
-) -> Result<(), Box<dyn Error>> {
+) -> Result<Vec<Line>, Box<dyn Error>> {
     let mut traced: Vec<Vec<Traced>> = Vec::new();
     let mut seconds = vec![Vec::new(); contenders.len()];
     // The first run warms caches up, and its answers are looked at.
@@ -128,27 +141,39 @@ fn compare(
         }
     }
     let middle = |i: usize| Summary::new(&seconds[i]).median;
-    let peers = (0..contenders.len()).filter(|&i| contenders[i].is_embree());
+    let peers = (0..contenders.len()).filter(|&i| matches!(contenders[i].who, Who::Embree(_)));
     let best = peers.min_by(|&a, &b| middle(a).total_cmp(&middle(b)));
-    let ours = contenders.iter().rposition(Contender::is_ours).ok_or("this project is among the contenders")?;
+    let ours = contenders
+        .iter()
+        .rposition(|contender| matches!(contender.who, Who::Ours(_, 1)))
+        .ok_or("this project is among the contenders")?;
     let found = judge.judge(rays, query, &traced, ours);
     let speed = |seconds: f64| rays.len() as f64 / seconds / 1e6;
+    let per_million = |count: usize| count as f64 / rays.len() as f64 * 1e6;
+    let mut lines = Vec::new();
     for (i, contender) in contenders.iter().enumerate() {
         let least = seconds[i].iter().copied().fold(f64::INFINITY, f64::min);
-        let ratio = best.map_or_else(String::new, |best| {
-            let ratio = Summary::of_ratios(&seconds[best], &seconds[i]);
-            format!("{:.2} [{:.2}, {:.2}]", ratio.median, ratio.low, ratio.high)
-        });
-        let per_million = |count: usize| count as f64 / rays.len() as f64 * 1e6;
+        let line = Line {
+            who: contender.who.clone(),
+            speed: speed(middle(i)),
+            ratio: best.map(|best| Summary::of_ratios(&seconds[best], &seconds[i])),
+            missed: per_million(found[i].missed),
+            phantom: per_million(found[i].phantom),
+        };
+        let ratio = line
+            .ratio
+            .as_ref()
+            .map_or_else(String::new, |ratio| format!("{:.2} [{:.2}, {:.2}]", ratio.median, ratio.low, ratio.high));
         writeln!(
             Stdout,
             "| {kind} | {} | {:.2} | {:.2} | {ratio} | {:.1} | {:.1} |",
             contender.name,
-            speed(middle(i)),
+            line.speed,
             speed(least),
-            per_million(found[i].missed),
-            per_million(found[i].phantom),
+            line.missed,
+            line.phantom,
         )?;
+        lines.push(line);
     }
-    Ok(())
+    Ok(lines)
 }
