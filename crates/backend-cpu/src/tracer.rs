@@ -224,8 +224,11 @@ impl Worker {
             let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
             self.executor.for_each(
                 pieces,
-                || Stack::for_scene(&self.scene),
-                |stack, piece| self.trace_piece(stack, source, spec, done, piece),
+                || (Stack::for_scene(&self.scene), Stopwatch::start()),
+                |(stack, watch), mut piece| {
+                    self.trace_piece(stack, source, spec, done, &mut piece);
+                    *piece.seconds = watch.lap();
+                },
             );
             out.task_seconds.resize(tasks.len(), 0.0);
             let share = 1.0 / self.executor.threads() as f32;
@@ -242,16 +245,14 @@ impl Worker {
         source: &RaySource,
         spec: StreamSpec,
         done: Option<&RayMask>,
-        piece: Piece<'_>,
+        piece: &mut Piece<'_>,
     ) {
-        let watch = Stopwatch::start();
         let range = piece.first..piece.first + piece.hits.len() as u32;
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
         if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec)) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
             launches.trace(source, spec, range, done, piece.hits);
-            *piece.seconds = watch.seconds();
             return;
         }
         let set = |i: usize, hit: Hit, counts: TestCounts| {
@@ -261,7 +262,6 @@ impl Worker {
             }
         };
         self.trace_rest(stack, source, spec, range, (number, &is_done), set);
-        *piece.seconds = watch.seconds();
     }
 
     /// Traces the rays of a range that are not done and says what came of each; the `number` that are done miss.

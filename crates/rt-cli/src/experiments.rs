@@ -156,6 +156,6 @@ fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
         seed: args.seed,
         out: args.out.clone(),
     };
-    let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
+    let source = SceneArgs { drop_invalid: false, floor: false, builder: args.builder, precision: None };
     measure(&args.scenes, &source, |lab| tradeoff::run_precision(lab, &options))
 }

@@ -13,10 +13,12 @@ pub mod image;
 mod machine;
 pub mod npy;
 pub mod output;
+pub mod pictures;
 pub mod print;
 mod provenance;
 pub mod report;
 pub mod table;
+pub mod tasks;
 pub mod terminal;
 pub mod usage;
 

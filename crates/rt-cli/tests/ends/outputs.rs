@@ -187,7 +187,7 @@ fn every_file_says_where_it_comes_from() {
             seen += 1;
         }
     }
-    assert_eq!(seen, 4 + 4 + 5 + 5 + 5 + 1);
+    assert_eq!(seen, 5 + 4 + 5 + 5 + 5 + 1);
 }
 
 #[test]

@@ -30,7 +30,8 @@ pub(crate) use scale::duration;
 
 /// Every grey that a chart uses: what a page in the dark must turn over.
 #[cfg(test)]
-pub(crate) const GREYS: [[u8; 3]; 8] = [
+pub(crate) const GREYS: [[u8; 3]; 9] = [
+    front::OTHERS,
     precision::COLUMN,
     sheet::PAPER,
     sheet::INK,
