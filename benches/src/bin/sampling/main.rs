@@ -3,10 +3,10 @@
 //!
 //! `cargo run --release -p rt-benches --bin sampling -- --help`
 //!
-//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each repetition traces all rays, walks the sample in each
-//! way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the repetitions.
-//! Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts,
-//! after one common scale, averaged over eight seeds.
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each repetition traces all rays, walks the sample
+//! in each way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the
+//! repetitions. Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against
+//! exact counts, after one common scale, averaged over eight seeds.
 #![forbid(unsafe_code)]
 
 mod options;
