@@ -1,8 +1,8 @@
 //! Compares this project's trees, Embree and obvhs with the exact reference on real scenes.
 //!
-//! `cargo run --release -p rt-tests --bin parity -- --help`, with the environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
-//! ours is wrong, 2 when an option is. Embree is left out, with the reason, where its library is missing;
-//! `RT_REQUIRE=embree` forbids that.
+//! `cargo run --release -p rt-tests --bin parity -- --help`, with the environment variable `RAYBALANCE_SCENES` naming
+//! a folder of `.obj` files. The exit status is 1 when any answer of ours is wrong, 2 when an option is. Embree is
+//! left out, with the reason, where its library is missing; `RT_REQUIRE=embree` forbids that.
 //!
 //! First line of a scene: rays that hit; rays that the exact reference calls ambiguous; how many rays are random, and
 //! how many of these are ambiguous because of ties and for other reasons; ambiguous rays on which brute force gives
