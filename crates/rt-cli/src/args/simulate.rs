@@ -8,7 +8,7 @@ use std::time::Duration;
 
 #[derive(Debug, Args)]
 pub(crate) struct SimulateArgs {
-    /// yard, car, or an OBJ file, whose task times are measured on one core
+    /// yard, car, or a file (OBJ, PLY, STL, glTF), whose task times are measured on one core
     #[arg(default_value = "yard", value_name = "SCENE")]
     pub(crate) scene: PathBuf,
     /// Take the task times from the report.json of a run with --reference, and play that run again as well

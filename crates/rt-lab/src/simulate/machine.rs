@@ -2,14 +2,13 @@
 
 use super::recording::Recording;
 use super::strategies::{Knows, Strategy};
-use rt_balance::QueueKind;
 use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
+use rt_balance::{QueueKind, Scheduling};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
-use rt_core::{Coherence, CostEstimator, Observation, RayStream, Step, Task};
+use rt_core::{Coherence, Observation, RayStream, Step, Task};
 use rt_sched::bound;
-use rt_sched::estimate::Auto;
 use rt_sched::queue::QueueMaker;
 use rt_sched::uninformed::Regime;
 use serde::Serialize;
@@ -114,7 +113,8 @@ impl Machine {
             uninformed_excess: queue.uninformed_excess(&regime),
             moves: queue.moves(&regime),
         };
-        matches!(Auto::default().next(stream, Observation::default()), Step::Sample { .. })
+        let mut default = Scheduling::default();
+        matches!(default.estimator.next(stream, Observation::default()), Step::Sample { .. })
     }
 
     /// Tiles of neighbouring tasks are let to nodes as between real ones; within a node the strategy deals each tile's.
