@@ -27,34 +27,40 @@ pub(crate) struct Batch<'a> {
     pub(crate) hits: &'a mut [Hit],
 }
 
+/// What is compiled once for each set of instructions.
+pub(crate) trait Work {
+    /// Does it. To be inlined, so that it is compiled for the instructions of its caller.
+    fn run<L: Level>(self, level: L);
+}
+
 impl Found {
-    /// Traces a batch.
-    pub(crate) fn run(self, batch: Batch<'_>) {
+    /// Does something with these instructions.
+    pub(crate) fn run(self, work: impl Work) {
         match self {
-            Self::Portable(level) => batch.run(level),
+            Self::Portable(level) => work.run(level),
             // SAFETY: the proof says that the processor has what the function is compiled for.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(level) => unsafe { run_avx2(level, batch) },
+            Self::Avx2(level) => unsafe { run_avx2(level, work) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(level) => unsafe { run_avx512(level, batch) },
+            Self::Avx512(level) => unsafe { run_avx512(level, work) },
         }
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2(level: Avx2, batch: Batch<'_>) {
-    batch.run(level);
+fn run_avx2(level: Avx2, work: impl Work) {
+    work.run(level);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx512(level: Avx512, batch: Batch<'_>) {
-    batch.run(level);
+fn run_avx512(level: Avx512, work: impl Work) {
+    work.run(level);
 }
 
-impl Batch<'_> {
+impl Work for Batch<'_> {
     // Inlined, as all below, so that it is compiled for the instructions of its caller.
     #[inline(always)]
     fn run<L: Level>(self, level: L) {
@@ -63,7 +69,9 @@ impl Batch<'_> {
             Query::Any => self.trace::<L, true>(level),
         }
     }
+}
 
+impl Batch<'_> {
     #[inline(always)]
     fn trace<L: Level, const ANY: bool>(self, level: L) {
         let Self { tree, frame, packet, few, query, mut excluded, .. } = self;

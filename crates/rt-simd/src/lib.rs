@@ -12,6 +12,7 @@
 #![deny(unsafe_code)]
 
 mod alone;
+mod counted;
 mod dispatch;
 mod frustum;
 mod isa;
@@ -27,13 +28,14 @@ mod triangles;
 
 pub use isa::{Isa, UnknownIsa};
 
+use counted::{CountBatch, Counter};
 use dispatch::Batch;
 use isa::Found;
 use order::{Sorted, WINDOW};
 use packet::Packet;
 use rays::Frame;
 use rt_bvh::BlockTree;
-use rt_core::{Coherence, Hit, Query, Ray};
+use rt_core::{Coherence, Hit, Query, Ray, TestCounts, Walk};
 use stack::Stack;
 
 /// The kernels for one set of instructions.
@@ -45,11 +47,20 @@ pub struct Kernel(Found);
 pub struct Scratch {
     packet: Box<Packet>,
     sorted: Sorted,
+    counting: Option<Box<Counting>>,
+}
+
+/// What counting needs beside that.
+#[derive(Clone, Debug)]
+struct Counting {
+    counter: Counter,
+    /// Of sorted rays.
+    counts: Vec<TestCounts>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { packet: Box::new(Packet::new()), sorted: Sorted::new() }
+        Self { packet: Box::new(Packet::new()), sorted: Sorted::new(), counting: None }
     }
 }
 
@@ -109,17 +120,12 @@ impl Kernel {
         // Builders keep trees far below that.
         assert!(tree.depth() <= Stack::DEPTH, "the tree is deeper than any scene's");
         let frame = Frame::of(tree);
-        let Scratch { packet, sorted } = scratch;
+        let Scratch { packet, sorted, .. } = scratch;
         for (rays, hits) in rays.chunks(WINDOW).zip(hits.chunks_mut(WINDOW)) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let batch = Batch { tree, frame: &frame, packet, query, few, rays, excluded: own, hits };
-            let sort = match coherence {
-                Coherence::Unknown => order::pays(rays),
-                Coherence::Coherent => false,
-                Coherence::Incoherent => true,
-            };
-            if sort {
+            if order::are_to_be_sorted(coherence, rays) {
                 sorted.take(rays, own);
                 self.0.run(Batch {
                     rays: &sorted.rays[..rays.len()],
@@ -127,9 +133,76 @@ impl Kernel {
                     hits: &mut sorted.hits[..rays.len()],
                     ..batch
                 });
-                sorted.give(hits);
+                sorted.give(&sorted.hits, hits);
             } else {
                 self.0.run(batch);
+            }
+        }
+    }
+
+    /// Walks rays and writes the tests of each (the module `counted` says what they are), and of full walks its hit: of
+    /// [`Query::Closest`] that of [`Kernel::trace`]. Hits and counts do not depend on a ray's company, on the
+    /// instructions or on what is said of `coherence`.
+    ///
+    /// # Panics
+    /// When `counts` or `hits` are not as long as `rays`, or `excluded` neither that nor empty.
+    #[expect(clippy::too_many_arguments, reason = "a ray's parts and results, each in an array of its own")]
+    pub fn count(
+        self,
+        tree: &BlockTree,
+        scratch: &mut Scratch,
+        walk: Walk,
+        how: (Query, Coherence),
+        rays: &[Ray],
+        excluded: &[u32],
+        counts: &mut [TestCounts],
+        hits: &mut [Hit],
+    ) {
+        self.count_in(FEW, tree, scratch, walk, how, (rays, excluded, counts, hits));
+    }
+
+    /// [`Kernel::count`] with all choices.
+    fn count_in(
+        self,
+        few: u32,
+        tree: &BlockTree,
+        scratch: &mut Scratch,
+        walk: Walk,
+        (query, coherence): (Query, Coherence),
+        (rays, mut excluded, counts, hits): (&[Ray], &[u32], &mut [TestCounts], &mut [Hit]),
+    ) {
+        assert!(rays.len() == hits.len() && rays.len() == counts.len(), "a hit and counts for each ray");
+        assert!(excluded.is_empty() || excluded.len() == rays.len(), "a primitive for each ray, or none");
+        assert!(tree.depth() <= Stack::DEPTH, "the tree is deeper than any scene's");
+        let frame = Frame::of(tree);
+        let Scratch { sorted, counting, .. } = scratch;
+        let Counting { counter, counts: sorted_counts } = &mut **counting.get_or_insert_with(|| {
+            Box::new(Counting { counter: Counter::new(), counts: vec![TestCounts::default(); WINDOW] })
+        });
+        let results = counts.chunks_mut(WINDOW).zip(hits.chunks_mut(WINDOW));
+        for (rays, (counts, hits)) in rays.chunks(WINDOW).zip(results) {
+            let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
+            excluded = others;
+            if order::are_to_be_sorted(coherence, rays) {
+                sorted.take(rays, own);
+                let sorted_counts = &mut sorted_counts[..rays.len()];
+                self.0.run(CountBatch {
+                    tree,
+                    frame: &frame,
+                    counter,
+                    walk,
+                    query,
+                    few,
+                    rays: &sorted.rays[..rays.len()],
+                    excluded: &sorted.excluded[..own.len()],
+                    counts: &mut *sorted_counts,
+                    hits: &mut sorted.hits[..rays.len()],
+                });
+                sorted.give(sorted_counts, counts);
+                sorted.give(&sorted.hits, hits);
+            } else {
+                let frame = &frame;
+                self.0.run(CountBatch { tree, frame, counter, walk, query, few, rays, excluded: own, counts, hits });
             }
         }
     }

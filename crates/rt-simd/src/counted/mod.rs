@@ -1,0 +1,139 @@
+//! Walks that count: what a ray costs, told by the ray alone.
+//!
+//! # What is counted
+//!
+//! A ray's counts are those of a walk that it makes alone, whatever its company; so they are the same numbers with any
+//! instructions, in any packet and on any thread.
+//!
+//! * It walks depth first. Children of a node come in the order that [`rt_bvh::BlockNode::orders`] has for the octant
+//!   of its direction, and in the order of slots where any hit will do.
+//! * A child is visited if the ray enters its box when the parent is visited, and at a distance that is not beyond the
+//!   ray's limit when the child's turn comes. The limit is that of the ray, or its nearest hit so far. Every valid ray
+//!   visits the root.
+//! * A visited node costs eight box tests, whatever is in its slots. A visited block costs as many triangle tests as it
+//!   holds triangles, also where the first of them ends the ray.
+//! * Reduced walks do not look at blocks: those of a node that the ray enters when the node is visited are counted
+//!   there and then. If leaves are taken for hits, the nearest of these boxes becomes the ray's limit.
+//!
+//! Where a box is entered is computed as (p − o′)·r, each operation rounded once (see the module `rays`): tracing fuses
+//! them where it can, and so may enter another box that a ray hardly touches. Hits are the same, and so are nearest
+//! hits' bits. Extreme rays count alike, in double precision (the module `alone`).
+//!
+//! # Why a packet counts like its rays
+//!
+//! Rays of an octant visit children in one order, whatever they have hit, and a ray's limit depends on what it visited
+//! before. So a packet that visits what any of its rays visits, in that order, with the set of those that do, visits
+//! for each of them what it would visit alone. The set is made when the parent is visited; where limits have come down
+//! since, it is made again. What bounds of the whole packet leave out (the module `frustum`) no ray of it enters.
+
+mod packet;
+mod single;
+mod slabs;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use packet::Counter;
+
+use crate::dispatch::Work;
+use crate::lanes::{LANES, Level};
+use crate::packet::RAYS;
+use crate::rays::Frame;
+use rt_bvh::BlockTree;
+use rt_core::{Hit, Query, Ray, ReducedWalk, TestCounts, Walk};
+
+/// A kind of walk, so that each is compiled by itself.
+trait Kind {
+    /// Whether triangles are tested.
+    const FULL: bool;
+    /// Whether any hit ends a ray.
+    const ANY: bool = false;
+    /// Whether limits come down.
+    const SHORTENS: bool = true;
+}
+
+struct Closest;
+struct Any;
+struct LeafAsHit;
+struct Unshortened;
+
+impl Kind for Closest {
+    const FULL: bool = true;
+}
+
+impl Kind for Any {
+    const FULL: bool = true;
+    const ANY: bool = true;
+}
+
+impl Kind for LeafAsHit {
+    const FULL: bool = false;
+}
+
+impl Kind for Unshortened {
+    const FULL: bool = false;
+    const SHORTENS: bool = false;
+}
+
+/// Rays to count in packets, in the order in which they are.
+pub(crate) struct CountBatch<'a> {
+    pub(crate) tree: &'a BlockTree,
+    pub(crate) frame: &'a Frame,
+    pub(crate) counter: &'a mut Counter,
+    pub(crate) walk: Walk,
+    /// Of full walks.
+    pub(crate) query: Query,
+    /// Where so few rays of a packet are left they go on alone.
+    pub(crate) few: u32,
+    pub(crate) rays: &'a [Ray],
+    /// An entry for each ray, or none.
+    pub(crate) excluded: &'a [u32],
+    pub(crate) counts: &'a mut [TestCounts],
+    pub(crate) hits: &'a mut [Hit],
+}
+
+impl Work for CountBatch<'_> {
+    // Inlined, as all below, so that it is compiled for the instructions of its caller.
+    #[inline(always)]
+    fn run<L: Level>(self, level: L) {
+        match (self.walk, self.query) {
+            (Walk::Full, Query::Closest) => self.count::<L, Closest>(level),
+            (Walk::Full, Query::Any) => self.count::<L, Any>(level),
+            (Walk::Reduced(ReducedWalk::LeafAsHit), _) => self.count::<L, LeafAsHit>(level),
+            (Walk::Reduced(ReducedWalk::Unshortened), _) => self.count::<L, Unshortened>(level),
+        }
+    }
+}
+
+impl CountBatch<'_> {
+    #[inline(always)]
+    fn count<L: Level, K: Kind>(self, level: L) {
+        let Self { tree, frame, counter, walk, query, few, mut excluded, .. } = self;
+        let results = self.counts.chunks_mut(RAYS).zip(self.hits.chunks_mut(RAYS));
+        for (rays, (counts, hits)) in self.rays.chunks(RAYS).zip(results) {
+            let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
+            excluded = others;
+            let mut extreme = 0;
+            let mut theirs = own.chunks(LANES);
+            for (i, (group, rays)) in counter.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
+                group.set(level, frame, rays, theirs.next().unwrap_or_default());
+                extreme |= u64::from(group.extreme) << (LANES * i);
+            }
+            counter.count::<L, K>(level, tree, frame, rays, few);
+            let places = counts.chunks_mut(LANES).zip(hits.chunks_mut(LANES));
+            for ((group, tally), (counts, hits)) in counter.groups.iter().zip(&mut counter.tallies).zip(places) {
+                counts.copy_from_slice(&tally.take()[..counts.len()]);
+                if K::FULL {
+                    group.write(level, hits);
+                } else {
+                    hits.fill(Hit::MISS);
+                }
+            }
+            while extreme != 0 {
+                let i = extreme.trailing_zeros() as usize;
+                extreme &= extreme - 1;
+                let excluded = own.get(i).copied().unwrap_or(u32::MAX);
+                (hits[i], counts[i]) = crate::alone::count(tree, frame, &rays[i], excluded, walk, query);
+            }
+        }
+    }
+}
