@@ -27,7 +27,7 @@ pub(crate) fn trace(tree: &BlockTree, frame: &Frame, ray: &Ray, excluded: u32, q
     count(tree, frame, ray, excluded, Walk::Full, query).0
 }
 
-/// The hit of a valid ray, and its tests: what the module `counted` says, with boxes tested in double precision.
+/// The hit of a valid ray, and its tests: what the crate's documentation says, with boxes tested in double precision.
 #[cold]
 #[inline(never)]
 pub(crate) fn count(

@@ -2,7 +2,22 @@
 //!
 //! [`Kernel`] finds hits of rays in a [`rt_bvh::BlockTree`]: nearest or any, those of [`rt_bvh::trace()`] bit for bit,
 //! by packets of 64 rays in words of AVX-512, AVX2 or whatever the target has. Where the caller does not say whether
-//! neighbours go alike, it looks; and it counts nothing, since what a packet visits depends on a ray's company.
+//! neighbours go alike, it looks. [`Kernel::count`] finds what rays cost as well, or alone.
+//!
+//! # What is counted
+//!
+//! A ray's counts are those of a walk that it makes alone, whatever its company; so they are the same numbers with any
+//! instructions, in any packet and on any thread.
+//!
+//! * It walks depth first. Children of a node come in the order that [`rt_bvh::BlockNode::orders`] has for the octant
+//!   of its direction, and in the order of slots where any hit will do.
+//! * A child is visited if the ray enters its box when the parent is visited, and at a distance that is not beyond the
+//!   ray's limit when the child's turn comes. The limit is that of the ray, or its nearest hit so far. Every valid ray
+//!   visits the root.
+//! * A visited node costs eight box tests, whatever is in its slots. A visited block costs as many triangle tests as it
+//!   holds triangles, also where the first of them ends the ray.
+//! * Reduced walks do not look at blocks: those of a node that the ray enters when the node is visited are counted
+//!   there and then. If leaves are taken for hits, the nearest of these boxes becomes the ray's limit.
 //!
 //! # Current state and limits
 //!
@@ -140,7 +155,7 @@ impl Kernel {
         }
     }
 
-    /// Walks rays and writes the tests of each (the module `counted` says what they are), and of full walks its hit: of
+    /// Walks rays and writes the tests of each (as the crate's documentation says), and of full walks its hit: of
     /// [`Query::Closest`] that of [`Kernel::trace`]. Hits and counts do not depend on a ray's company, on the
     /// instructions or on what is said of `coherence`.
     ///

@@ -19,7 +19,9 @@ use options::Options;
 use rt_balance::clock;
 use rt_balance::stats::median;
 use rt_bvh::{Builder, PlocQuality};
-use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
+use rt_core::{
+    Device, Hit, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of,
+};
 use rt_report::print::Stdout;
 use rt_report::{Provenance, exit};
 use rt_sched::metrics::EstimateErrors;
@@ -54,14 +56,15 @@ fn run() -> Result<(), Box<dyn Error>> {
     writeln!(
         Stdout,
         "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of \
-         the trace. Before it, the price of tracing all rays as single ones. Error per task in %.\n",
+         the trace. Before it, the prices of tracing all rays as single ones over the two-wide tree, of counting them \
+         all exactly, and of the paper's reduced walk of all. Error per task in %.\n",
         options.runs
     )?;
-    write!(Stdout, "| scene | rays | traced Mray/s | as single rays | sampled |")?;
+    write!(Stdout, "| scene | rays | traced Mray/s | as single rays | counted | reduced | sampled |")?;
     Way::ALL.iter().try_for_each(|(_, name)| write!(Stdout, " {name} |"))?;
     writeln!(
         Stdout,
-        " error scattered | error whole packets |\n|---|---|---|---|---|{}---|---|",
+        " error scattered | error whole packets |\n|---|---|---|---|---|---|---|{}---|---|",
         "---|".repeat(Way::ALL.len())
     )?;
     for name in &options.scenes {
@@ -108,6 +111,9 @@ fn row(
     subject.tracer.load_rays(source.clone(), StreamSpec::default())?;
     let exact = exact(&mut *subject.tracer, source.len())?;
     let (mut traced, mut alone) = (Vec::with_capacity(runs), Vec::with_capacity(runs));
+    let every: Vec<u32> = (0..source.len()).collect();
+    let walks = [Walk::Full, Walk::Reduced(ReducedWalk::LeafAsHit)];
+    let mut of_all = walks.map(|_| Vec::with_capacity(runs));
     let mut prices = [const { Vec::new() }; Way::ALL.len()];
     // The first run fills caches and is not counted.
     for run in 0..=runs as u32 {
@@ -118,6 +124,12 @@ fn row(
                 && run > 0
             {
                 prices.push(seconds / rays as f64 / full);
+            }
+        }
+        for (prices, walk) in of_all.iter_mut().zip(walks) {
+            let price = subject.walk(&every, walk)? / f64::from(source.len()) / full;
+            if run > 0 {
+                prices.push(price);
             }
         }
         if run > 0 {
@@ -133,6 +145,7 @@ fn row(
         true => write!(Stdout, " – |")?,
         false => write!(Stdout, " {:.2} |", median(&alone))?,
     }
+    of_all.iter().try_for_each(|prices| write!(Stdout, " {:.2} |", median(prices)))?;
     write!(Stdout, " 1/{:.0} |", 1.0 / fraction.value())?;
     for prices in prices {
         match prices.is_empty() {

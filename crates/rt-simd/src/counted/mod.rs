@@ -1,23 +1,8 @@
 //! Walks that count: what a ray costs, told by the ray alone.
 //!
-//! # What is counted
-//!
-//! A ray's counts are those of a walk that it makes alone, whatever its company; so they are the same numbers with any
-//! instructions, in any packet and on any thread.
-//!
-//! * It walks depth first. Children of a node come in the order that [`rt_bvh::BlockNode::orders`] has for the octant
-//!   of its direction, and in the order of slots where any hit will do.
-//! * A child is visited if the ray enters its box when the parent is visited, and at a distance that is not beyond the
-//!   ray's limit when the child's turn comes. The limit is that of the ray, or its nearest hit so far. Every valid ray
-//!   visits the root.
-//! * A visited node costs eight box tests, whatever is in its slots. A visited block costs as many triangle tests as it
-//!   holds triangles, also where the first of them ends the ray.
-//! * Reduced walks do not look at blocks: those of a node that the ray enters when the node is visited are counted
-//!   there and then. If leaves are taken for hits, the nearest of these boxes becomes the ray's limit.
-//!
-//! Where a box is entered is computed as (p − o′)·r, each operation rounded once (see the module `rays`): tracing fuses
-//! them where it can, and so may enter another box that a ray hardly touches. Hits are the same, and so are nearest
-//! hits' bits. Extreme rays count alike, in double precision (the module `alone`).
+//! What is counted the crate's documentation says. Where a box is entered is computed as (p − o′)·r, each operation
+//! rounded once (see the module `rays`), and so to the same bits with any instructions: tracing fuses operations where it
+//! can, and may enter another box that a ray hardly touches.
 //!
 //! # Why a packet counts like its rays
 //!
@@ -38,7 +23,7 @@ use crate::dispatch::Work;
 use crate::lanes::{LANES, Level};
 use crate::packet::RAYS;
 use crate::rays::Frame;
-use rt_bvh::BlockTree;
+use rt_bvh::{BlockChild, BlockTree};
 use rt_core::{Hit, Query, Ray, ReducedWalk, TestCounts, Walk};
 
 /// A kind of walk, so that each is compiled by itself.
@@ -72,6 +57,17 @@ impl Kind for LeafAsHit {
 impl Kind for Unshortened {
     const FULL: bool = false;
     const SHORTENS: bool = false;
+}
+
+/// Asks for a child that is to be visited soon: rays that are far from each other, as samples are, find few nodes in the
+/// caches.
+#[inline(always)]
+fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
+    match BlockChild::of(child) {
+        BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&tree.nodes()[index as usize])),
+        BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&tree.blocks()[index as usize])),
+        BlockChild::Empty => {}
+    }
 }
 
 /// Rays to count in packets, in the order in which they are.

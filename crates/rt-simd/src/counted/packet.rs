@@ -1,7 +1,7 @@
 //! Up to 64 rays that walk the tree together, each counted as if it walked alone.
 
 use super::slabs::{Planes, Slabs};
-use super::{Kind, single};
+use super::{Kind, fetch, single};
 use crate::frustum::Frustum;
 use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, Slots as _};
 use crate::packet::GROUPS;
@@ -252,6 +252,7 @@ impl Walk<'_> {
             let (rays, slot) = (entered[j & 7], numbers[j & 7]);
             if rays != 0 {
                 let child = node.children()[slot as usize & 7];
+                fetch(level, self.tree, child);
                 pending.push(Pending {
                     entry: entries[j & 7],
                     child,

@@ -1,7 +1,7 @@
 //! One ray of a group, alone, counted.
 
-use super::Kind;
 use super::slabs::Single;
+use super::{Kind, fetch};
 use crate::lanes::{LANES, Level};
 use crate::rays::{Frame, Group};
 use crate::single::meets;
@@ -9,6 +9,10 @@ use crate::stack::Stack;
 use crate::triangles::{AXES, may_be_hit};
 use rt_bvh::{BlockChild, BlockTree};
 use rt_core::{Ray, TestCounts};
+
+/// Of the children that come next, so many are asked for ahead: those of a ray that has no neighbours are seldom in a
+/// cache.
+const FETCHED: usize = 2;
 
 /// Visits what hangs below a child, which the ray visits, with one ray of a group, and counts; the ray's hit and limit
 /// in the group come down.
@@ -49,9 +53,7 @@ pub(super) fn walk<L: Level, K: Kind>(
                 } else {
                     triangles = triangles.saturating_add(leaves::<K>(&mut ray, entered, stack));
                 }
-                if stack.len() > bottom {
-                    fetch(level, tree, stack);
-                }
+                stack.next(FETCHED.min(stack.len() - bottom)).iter().for_each(|&child| fetch(level, tree, child));
             }
             BlockChild::Block { index, count } => {
                 triangles = triangles.saturating_add(count);
@@ -102,7 +104,3 @@ fn leaves<K: Kind>(ray: &mut Single, entered: usize, stack: &mut Stack) -> u32 {
     stack.grow(kept);
     triangles
 }
-
-/// Asks for what will be visited after the next child.
-#[inline(always)]
-fn fetch<L: Level>(_level: L, _tree: &BlockTree, _stack: &Stack) {}
