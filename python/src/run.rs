@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use rt_balance::report::StreamRun;
 use rt_balance::{Hit, TestCounts, with_causes};
 use rt_report::Provenance;
+use rt_report::headline::Headline;
 use rt_report::html::measured::Traced;
 use rt_report::output::write_atomically;
 use rt_report::report::{Report, SCHEMA, SceneReport, Seconds};
@@ -43,10 +44,12 @@ impl Run {
         let report = Report {
             schema: SCHEMA,
             scene: SceneReport::of(&scene),
+            picture: None,
             queue,
             policy,
             streams: vec![of_stream.clone()],
             cluster: Vec::new(),
+            headline: Headline::of(std::slice::from_ref(&run)),
             seconds: Seconds {
                 load: scene.load_s,
                 build: scene.build_s,

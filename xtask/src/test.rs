@@ -18,7 +18,7 @@ pub(crate) enum Extent {
 }
 
 /// Rays of each line of the suite `verify` on a GPU device: software ones trace a tenth of what the CPU itself does.
-const SOFTWARE_RAYS: u32 = 40_000;
+const SOFTWARE_RAYS: &str = "40000";
 
 /// The feature that needs an MPI library to build.
 const MPI: &str = "mpi";
@@ -81,9 +81,10 @@ pub(crate) fn test(extent: Extent) -> Result<()> {
 
 fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     let command = |name: &str, command| Step { name: name.to_owned(), check: Check::Command(Box::new(command)) };
+    let packages = Packages::read()?;
     let features = match setup.mpi {
         true => "--all-features".to_owned(),
-        false => format!("--features {}", Packages::read()?.features_without(MPI)),
+        false => format!("--features {}", packages.features_without(MPI)),
     };
     let mut steps = vec![
         command("formatting", cargo("fmt --all --check")),
@@ -100,7 +101,6 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         documentation.env("RUSTDOCFLAGS", "-D warnings");
         steps.push(command("documentation", documentation));
         steps.push(command("facade alone", cargo(&format!("check -p {FACADE} --no-default-features"))));
-        let packages = Packages::read()?;
         for feature in packages.facade_features()? {
             let check = cargo(&format!("check -p {FACADE} --no-default-features --features {feature}"));
             steps.push(command(&format!("facade with {feature}"), check));
@@ -124,7 +124,8 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     };
     steps.push(Step { name: "Python package".to_owned(), check: python });
     // Documentation tests are among these: cargo runs them after a library's own.
-    let mut tests = cargo("test --workspace");
+    // With MPI the command's tests over several processes too.
+    let mut tests = cargo(if setup.mpi { "test --workspace --features rt-cli/mpi" } else { "test --workspace" });
     match &setup.scenes {
         Some(folders) => tests.env(real_scenes::VARIABLE, folders.unpacked()?),
         None => tests.env_remove(real_scenes::VARIABLE),
@@ -140,16 +141,19 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
         tests.env("RT_REQUIRE", setup.provided.join(","));
     }
     steps.push(command("tests", tests));
-    let ranks = match setup.mpi {
-        true => Check::Command(Box::new(cargo("test -p rt-cli --features mpi --test ranks"))),
-        false => Check::Impossible("MPI was left out"),
+    if !setup.mpi {
+        let check = Check::Impossible("MPI was left out");
+        steps.push(Step { name: "several processes".to_owned(), check });
+    }
+    let verify = |arguments: &[&str]| {
+        let mut verify = packages.built("raybalance");
+        verify.args(["verify", "--quick"]).args(arguments);
+        verify
     };
-    steps.push(Step { name: "several processes".to_owned(), check: ranks });
-    steps.push(command("promises, CPU", cargo("run -p rt-cli -- verify --quick")));
+    steps.push(command("promises, CPU", verify(&[])));
     if setup.software_vulkan || named {
         for (name, backend) in [("Vulkan", "vulkan:0"), ("wgpu", "wgpu:0")] {
-            let arguments = format!("run -p rt-cli -- verify --quick --backend {backend} --rays {SOFTWARE_RAYS}");
-            let mut verify = cargo(&arguments);
+            let mut verify = verify(&["--backend", backend, "--rays", SOFTWARE_RAYS]);
             verify.envs(drivers.iter().cloned());
             steps.push(command(&format!("promises, {name}"), verify));
         }

@@ -10,7 +10,7 @@ use crate::upload::{Resident, Uploader};
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Flight, GpuApi, GpuScene, Layout, PATIENCE, RayList, RayRecipe, Trees, Tuning};
+use rt_gpu::{Answer, Flight, GpuApi, GpuScene, Layout, PATIENCE, RAY_BYTES, RayList, RayRecipe, Trees, Tuning};
 use rt_shaders::Purpose;
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,9 +18,6 @@ use std::time::Duration;
 /// How long dropping it waits for launches in flight. What is not done then is freed later, see
 /// [`Abandoned`](crate::gpu::Abandoned).
 const DROP_LIMIT: Duration = Duration::from_secs(10);
-
-/// Bytes of a ray.
-const RAY: u64 = size_of::<KernelRay>() as u64;
 
 fn unreserved() -> DeviceError {
     invalid("no room for these rays was reserved")
@@ -86,8 +83,7 @@ impl GpuApi for VulkanApi {
     }
 
     fn window(&self) -> u32 {
-        let bound = self.shared.logical.limits.binding / RAY;
-        u32::try_from(bound).unwrap_or(u32::MAX).min(self.tuning.window.unwrap_or(u32::MAX)).max(1)
+        self.tuning.window(self.shared.logical.limits.binding)
     }
 
     fn persistent_lanes(&self) -> Option<u32> {
@@ -120,12 +116,12 @@ impl GpuApi for VulkanApi {
         self.on_gpu(|shared, gpu| {
             // First, so that there need not be room for both.
             gpu.rays.clear();
-            let bytes = u64::from(count) * RAY;
+            let bytes = u64::from(count) * RAY_BYTES;
             let bound = shared.logical.limits.binding;
             shared.logical.memory.check(&format!("{count} rays, of which {bound} bytes are bound at once,"), bytes)?;
             let what = format!("a part of {count} rays");
             for first in (0..count).step_by(window as usize) {
-                let bytes = u64::from(window.min(count - first)) * RAY;
+                let bytes = u64::from(window.min(count - first)) * RAY_BYTES;
                 gpu.rays.push(Buffer::new(&shared.logical, &what, bytes, Use::Kernel)?);
             }
             shared.logical.check_validation()
@@ -136,7 +132,7 @@ impl GpuApi for VulkanApi {
         let window = self.window();
         self.on_gpu(|_, Gpu { timeline, uploader, rays: windows, .. }| {
             let buffer = windows.get((first / window) as usize).ok_or_else(unreserved)?;
-            uploader.send(timeline, buffer, u64::from(first % window) * RAY, rays)
+            uploader.send(timeline, buffer, u64::from(first % window) * RAY_BYTES, rays)
         })
     }
 

@@ -77,7 +77,11 @@ impl Instance {
         let extensions = if validate { layer_extensions(&entry, &layer)? } else { Vec::new() };
         let application = vk::ApplicationInfo::default().application_name(c"raybalance").api_version(API);
         let wanted = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut features = vk::ValidationFeaturesEXT::default().enabled_validation_features(&wanted);
+        // A file below the home folder, which every device reads and writes beside all others.
+        let unwanted = [vk::ValidationFeatureDisableEXT::SHADER_VALIDATION_CACHE];
+        let mut features = vk::ValidationFeaturesEXT::default()
+            .enabled_validation_features(&wanted)
+            .disabled_validation_features(&unwanted);
         let mut info = vk::InstanceCreateInfo::default()
             .application_info(&application)
             .enabled_layer_names(&layers)

@@ -7,7 +7,7 @@ use crate::shared::Shared;
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Flight, GpuApi, GpuScene, PATIENCE, RayList, RayRecipe, Trees, Tuning};
+use rt_gpu::{Answer, Flight, GpuApi, GpuScene, PATIENCE, RAY_BYTES, RayList, RayRecipe, Trees, Tuning};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
@@ -18,9 +18,6 @@ const DROP_LIMIT: Duration = Duration::from_secs(10);
 
 /// Bytes sent to the device at once: large enough for the bus, little beside any scene that is worth a GPU.
 const SENDING: usize = 4 << 20;
-
-/// Bytes of a ray.
-const RAY: u64 = size_of::<KernelRay>() as u64;
 
 /// The most buffers for a stream's rays, each as large as the device binds at once. wgpu does not tell how much memory
 /// there is, and systems promise more than they have: where the least is bound, 128 MiB, these are 2 GiB.
@@ -95,8 +92,7 @@ impl GpuApi for WgpuApi {
     }
 
     fn window(&self) -> u32 {
-        let bound = self.shared.opened.binding / RAY;
-        u32::try_from(bound).unwrap_or(u32::MAX).min(self.tuning.window.unwrap_or(u32::MAX)).max(1)
+        self.tuning.window(self.shared.opened.binding)
     }
 
     fn persistent_lanes(&self) -> Option<u32> {
@@ -114,7 +110,7 @@ impl GpuApi for WgpuApi {
             return Ok(());
         }
         let index = self.free_slot()?;
-        let none = self.shared.opened.buffer("no rays", RAY, BufferUsages::STORAGE)?;
+        let none = self.shared.opened.buffer("no rays", RAY_BYTES, BufferUsages::STORAGE)?;
         let scene = bindings(&self.scene, &self.wide, layout);
         let job = Job { making: None, tracing: &tracing, list: &RayList::nothing(), counted: false };
         self.slots[index].start(scene, &none, job)?;
@@ -124,7 +120,7 @@ impl GpuApi for WgpuApi {
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {
         // First, so that there need not be room for both.
         self.rays.clear();
-        let (opened, window, bytes) = (&self.shared.opened, self.window(), u64::from(count) * RAY);
+        let (opened, window, bytes) = (&self.shared.opened, self.window(), u64::from(count) * RAY_BYTES);
         let most = opened.binding.saturating_mul(WINDOWS);
         if bytes > most {
             let what = format!(
@@ -135,7 +131,7 @@ impl GpuApi for WgpuApi {
         }
         let what = format!("a part of {count} rays");
         for first in (0..count).step_by(window as usize) {
-            let bytes = u64::from(window.min(count - first)) * RAY;
+            let bytes = u64::from(window.min(count - first)) * RAY_BYTES;
             self.rays.push(opened.buffer(&what, bytes, BufferUsages::STORAGE | BufferUsages::COPY_DST)?);
         }
         Ok(())
@@ -144,7 +140,7 @@ impl GpuApi for WgpuApi {
     fn write_rays(&mut self, first: u32, rays: &[KernelRay]) -> Result<(), DeviceError> {
         let window = self.window();
         let buffer = self.rays.get((first / window) as usize).ok_or_else(unreserved)?;
-        self.sender.send(buffer, u64::from(first % window) * RAY, bytemuck::cast_slice(rays))
+        self.sender.send(buffer, u64::from(first % window) * RAY_BYTES, bytemuck::cast_slice(rays))
     }
 
     fn start(

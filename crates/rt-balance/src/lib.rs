@@ -54,6 +54,7 @@ pub mod report;
 mod run;
 pub mod stats;
 mod stream;
+mod unused;
 mod update;
 mod walk;
 
@@ -67,6 +68,7 @@ use rt_core::clock;
 pub use rt_core::clock::now as clock;
 pub use rt_sched::queue::QueueKind;
 pub use stream::{Control, DEFAULT_TASK_SIZE, Finished, Scheduling, Stream};
+pub use unused::UnusedEstimate;
 pub use update::{MOST_GROWTH, Updated};
 
 /// CPU devices (feature `cpu`).

@@ -80,6 +80,7 @@ pub(crate) fn measure(
             std_error: typical_error(&estimated.work),
             errors_counts: None,
             errors_time: None,
+            unused: None,
         },
         setup_s: times.begin.saturating_sub(times.setup).as_secs_f64(),
         makespan_s,
@@ -99,6 +100,7 @@ pub(crate) fn measure(
         device_of,
         activities,
         reference_s: None,
+        unused: None,
     }
 }
 

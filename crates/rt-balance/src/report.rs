@@ -1,7 +1,9 @@
 //! What a run tells: the numbers of `report.json` (schema 1) and the raw record they were computed from.
 
-use rt_core::{StreamKind, TaskId, Work};
+use crate::unused::UnusedEstimate;
+use rt_core::{CostEstimator, StreamKind, TaskId, Work};
 use rt_sched::calibrate::Fit;
+use rt_sched::estimate::Uniform;
 use rt_sched::metrics::EstimateErrors;
 use serde::Serialize;
 
@@ -63,6 +65,29 @@ pub struct EstimateReport {
     /// All errors of the estimated number of tests against exact counts.
     pub errors_counts: Option<ErrorReport>,
     /// All errors of the predicted seconds, by prices fitted on other tasks, against measured ones.
+    pub errors_time: Option<ErrorReport>,
+    /// What an estimate would have said, where none was made; `None` where that was not looked at.
+    pub unused: Option<UnusedReport>,
+}
+
+impl EstimateReport {
+    /// Whether nothing was known of costs: every ray counted the same.
+    #[must_use]
+    pub fn is_uninformed(&self) -> bool {
+        self.chosen == Uniform.name()
+    }
+}
+
+/// An estimate that was made for comparison when the stream had been traced, outside its makespan.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct UnusedReport {
+    /// Name of the estimator.
+    pub estimator: String,
+    /// Share of the rays that was walked, without a unit.
+    pub fraction: f64,
+    /// Wall seconds that it took, and would have taken before.
+    pub seconds: f64,
+    /// Errors of the predicted seconds against what the tasks took while the stream was traced, where that is known.
     pub errors_time: Option<ErrorReport>,
 }
 
@@ -207,4 +232,6 @@ pub struct StreamRun {
     pub activities: Vec<Activity>,
     /// Wall seconds of the reference pass, if there was one.
     pub reference_s: Option<f64>,
+    /// What an estimate would have said, where none was made and somebody looked.
+    pub unused: Option<UnusedEstimate>,
 }

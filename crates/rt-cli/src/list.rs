@@ -140,6 +140,6 @@ pub(crate) fn scenes(as_json: bool) -> Result<()> {
         table.row(vec![entry.name.to_owned(), grouped(triangles as u64), entry.description.to_owned()]);
     }
     write!(Stdout, "{table}")?;
-    writeln!(Stdout, "\n  Any OBJ file can be given instead: raybalance render FILE.obj")?;
+    writeln!(Stdout, "\n  Any file of triangles can be given instead (OBJ, PLY, STL, glTF): raybalance render FILE")?;
     Ok(())
 }

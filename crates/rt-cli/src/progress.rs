@@ -1,7 +1,8 @@
 //! Progress on a terminal, silence elsewhere.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use std::cell::RefCell;
+use rt_render::Progress;
+use std::cell::{Cell, RefCell};
 
 /// How often a bar is redrawn.
 const REFRESH_HZ: u8 = 10;
@@ -27,5 +28,42 @@ pub(crate) fn of_streams(label: &'static str) -> impl Fn(u64, u64) {
             bar.finish_and_clear();
             *shown = None;
         }
+    }
+}
+
+/// What shows how far a whole render is: one bar, over all frames, passes and kinds of rays.
+pub(crate) struct Whole {
+    bar: ProgressBar,
+    /// Paths of streams that are done.
+    before: Cell<u64>,
+}
+
+impl Whole {
+    /// Of so many paths, each with so many streams at most.
+    pub(crate) fn new(paths: u64, streams: u64) -> Self {
+        Self { bar: bar("tracing", paths.saturating_mul(streams)), before: Cell::new(0) }
+    }
+
+    /// Shows how far the stream at hand is.
+    pub(crate) fn show(&self, at: Progress) {
+        if at.is_done {
+            self.before.set(self.before.get() + at.paths);
+            self.bar.set_position(self.before.get());
+        } else {
+            self.bar.set_message(at.kind.to_string());
+            self.bar.set_position(self.before.get() + (at.share * at.paths as f64) as u64);
+        }
+    }
+
+    /// Shows what comes when all is traced.
+    pub(crate) fn stage(&self, name: &'static str) {
+        self.bar.set_message(name);
+        self.bar.tick();
+    }
+}
+
+impl Drop for Whole {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
     }
 }

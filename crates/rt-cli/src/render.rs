@@ -4,21 +4,23 @@ use crate::args::RenderArgs;
 use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
 use crate::output::Outputs;
 use crate::ranks::{self, Ranks};
-use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::{chart, html, interrupt, output, progress, scene, table};
+use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
+use crate::{chart, html, interrupt, output, progress, scene};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, DEFAULT_TASK_SIZE, Limits};
+use rt_core::Device;
 use rt_core::bounce::Surfaces;
-use rt_core::{Device, StreamKind};
-use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
-use rt_report::chart::cost::{self, CostMap};
-use rt_report::print::Stdout;
+use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, TaskCut, Traced};
+use rt_report::chart::cost::{self, CostMap, CostMaps};
+use rt_report::headline::Headline;
+use rt_report::print::{Stdout, note};
 use rt_report::usage::OrUsage;
-use rt_report::{Provenance, image};
+use rt_report::{Provenance, image, terminal};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Paths, Wave, Waves};
+use rt_scene::streams::{Paths, Waves};
 use rt_scene::{View, view};
+use std::cell::Cell;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -27,8 +29,13 @@ use std::time::Instant;
 /// What is written beside pictures.
 const FILES: [&str; 5] = ["cost.png", "timeline.svg", "trace.json", "report.json", "report.html"];
 
-/// The orbit's angle between two frames: a slow turn, so that the previous frame says much about the next.
+/// The orbit's angle between two frames unless another is asked for: a slow turn, so that the previous frame says much
+/// about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
+
+fn degrees_per_frame(args: &RenderArgs) -> f32 {
+    args.orbit.map_or(ORBIT_STEP_DEGREES, |degrees| degrees / args.frames as f32)
+}
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     let mut ranks = Ranks::join()?;
@@ -49,61 +56,123 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let waves = cut(args, Room::now())?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
-    let show = progress::of_streams("tracing");
-    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &show };
-    let mut film = Film::new(args.size, args.spp)?;
-    let mut costs = CostMap::new(args.size, args.spp);
-    for frame in 0..args.frames {
-        let paths = paths(&renderer, &first, frame)?;
-        for (number, wave) in (0..).zip(waves.iter()) {
-            let begin = Instant::now();
-            let before = session.runs.len();
-            let sums = renderer.wave(&mut session, Part { paths: &paths, frame, number, wave: &wave })?;
-            film.take(&wave.pixels, &sums);
-            let runs = &session.runs[before..];
-            add_times(&mut seconds, runs, begin.elapsed().as_secs_f64());
-            let begin = Instant::now();
-            add_costs(&mut costs, &wave, runs);
-            seconds.write += begin.elapsed().as_secs_f64();
-        }
+    let renderer = Renderer { unused: true, ..renderer };
+    let bar = progress::Whole::new(waves.pixels() * u64::from(args.spp * args.frames), (2 * args.bounces + 2).into());
+    let show = |at: Progress| bar.show(at);
+    let (mut runs, mut costs, costs_s) = (Vec::new(), CostMaps::new(args.size), Cell::new(0.0));
+    let mut record = |traced: Traced<'_>| {
         let begin = Instant::now();
-        write_picture(args, frame, &film)?;
-        seconds.write += begin.elapsed().as_secs_f64();
-    }
-    interrupt::check()?;
-    let Session { scheduling, runs, .. } = session;
+        costs.add(&traced.run, |ray| traced.pixel(ray));
+        runs.push(traced.run);
+        costs_s.set(costs_s.get() + begin.elapsed().as_secs_f64());
+    };
+    let mut session = Session { balancer, scheduling, show: &show, record: &mut record };
+    let mut film = Film::new(args.size)?;
+    let mut pictures = Pictures::new(args);
+    // Whoever measures wants streams of all samples.
+    let passes = if args.reference { Passes::whole(args.spp) } else { Passes::doubling(args.spp) };
+    let (begin, end) = (Instant::now(), args.time.map(|time| start + time));
+    let rendered = (0..args.frames).try_for_each(|number| {
+        film.clear();
+        let paths = paths(args, &renderer, &first, number)?;
+        let frame = Frame { paths: &paths, number, waves: &waves, end };
+        frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
+            pictures.write(film, number, samples)
+        })
+    });
+    let waves_s = begin.elapsed().as_secs_f64() - costs_s.get() - pictures.seconds;
+    let interrupted = match rendered {
+        Err(error) if !interrupt::requested() || pictures.last.is_none() => return Err(error),
+        rendered => rendered.is_err(),
+    };
+    let Session { scheduling, .. } = session;
+    seconds.add_streams(&runs, waves_s);
     let begin = Instant::now();
     drop(film);
+    bar.stage("writing");
     let provenance = Provenance::now(args.balance.seed, names(&devices));
-    write_charts(args, &costs, &runs, &provenance)?;
-    seconds.write += begin.elapsed().as_secs_f64();
+    if interrupted {
+        // Before anything that may take longer than the patience with signals.
+        note(format_args!("note: {}; report.json says more, charts and page are not made", pictures.told()));
+    } else {
+        write_charts(args, costs.maps(), &runs, &provenance)?;
+    }
+    seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let report = Report {
         schema: SCHEMA,
-        provenance: provenance.clone(),
+        provenance,
+        picture: Some(pictures.report(args, CameraReport::of(&first, described.offset.into()))),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
         cluster: Vec::new(),
+        headline: Headline::of(&runs),
         seconds,
     };
     write_report(args, &report)?;
-    let rendered = html::render::Rendered {
-        report: &report,
-        runs: &runs,
-        map: &costs,
-        size: args.size,
-        samples: args.spp,
-        picture: &args.out.join(picture_name(0, args)),
-    };
+    interrupt::check()?;
+    let picture = &args.out.join(picture_name(0, args));
+    let rendered = html::render::Rendered { report: &report, runs: &runs, maps: costs.maps(), picture };
     rendered.write(&args.out.join("report.html"))?;
+    drop(bar);
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         print(&report, &runs, args)?;
     }
     Ok(())
+}
+
+/// The pictures as they are written, all with the exposure of the first frame.
+pub(crate) struct Pictures<'a> {
+    args: &'a RenderArgs,
+    exposure: f32,
+    /// The frame that was written last, and how many samples it has.
+    last: Option<(u32, u32)>,
+    /// What writing took.
+    pub(crate) seconds: f64,
+}
+
+impl<'a> Pictures<'a> {
+    pub(crate) const fn new(args: &'a RenderArgs) -> Self {
+        Self { args, exposure: 1.0, last: None, seconds: 0.0 }
+    }
+
+    /// Writes a frame with so many samples of each pixel.
+    pub(crate) fn write(&mut self, film: &Film, frame: u32, samples: u32) -> Result<()> {
+        let begin = Instant::now();
+        if frame == 0 {
+            self.exposure = film.exposure(samples);
+        }
+        let path = self.args.out.join(picture_name(frame, self.args));
+        image::write_png(&path, film.size(), film.sums(), self.exposure / samples as f32)?;
+        self.last = Some((frame, samples));
+        self.seconds += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// What is there, in words.
+    fn told(&self) -> String {
+        let (frame, samples) = self.last.unwrap_or_default();
+        let (all, path) = (self.args.spp, self.args.out.join(picture_name(frame, self.args)));
+        format!("{} has {samples} of {all} samples of each pixel", path.display())
+    }
+
+    pub(crate) fn report(&self, args: &RenderArgs, camera: CameraReport) -> PictureReport {
+        let (frame, samples) = self.last.unwrap_or_default();
+        PictureReport {
+            size: args.size,
+            samples,
+            samples_asked: args.spp,
+            bounces: args.bounces,
+            frames: frame + 1,
+            degrees_per_frame: if args.frames > 1 { degrees_per_frame(args) } else { 0.0 },
+            seed: args.balance.seed,
+            camera,
+        }
+    }
 }
 
 /// A scene on this process's devices, ready to be rendered.
@@ -147,6 +216,7 @@ impl Stage {
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
+            unused: false,
             cancel: interrupt::flag(),
         };
         Ok(Self { described, devices, balancer, first, renderer, seconds })
@@ -154,8 +224,8 @@ impl Stage {
 }
 
 /// The paths of a frame of an orbit about the target that begins with the view `first`.
-pub(crate) fn paths(renderer: &Renderer<'_>, first: &View, frame: u32) -> Result<Paths> {
-    let seen = view::orbit(first, (ORBIT_STEP_DEGREES * frame as f32).to_radians());
+pub(crate) fn paths(args: &RenderArgs, renderer: &Renderer<'_>, first: &View, frame: u32) -> Result<Paths> {
+    let seen = view::orbit(first, (degrees_per_frame(args) * frame as f32).to_radians());
     Ok(renderer.paths(seen.camera().context("the camera of the orbit")?, frame))
 }
 
@@ -168,11 +238,6 @@ pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
     let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
     let names = pictures.chain(files.iter().map(|&file| file.to_owned()));
     Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)])
-}
-
-pub(crate) fn write_picture(args: &RenderArgs, frame: u32, film: &Film) -> Result<()> {
-    let path = args.out.join(picture_name(frame, args));
-    Ok(image::write_png(&path, film.size(), film.sums(), film.scale())?)
 }
 
 pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
@@ -191,18 +256,6 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     };
     view.camera().or_usage("--eye, --target, --up, --fov")?;
     Ok(view)
-}
-
-fn add_times(seconds: &mut Seconds, runs: &[StreamRun], wall: f64) {
-    let setup: f64 = runs.iter().map(|run| run.report.setup_s).sum();
-    let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
-    let makespan: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
-    let reference: f64 = runs.iter().filter_map(|run| run.reference_s).sum();
-    seconds.setup += setup;
-    seconds.estimate += estimate;
-    seconds.trace += makespan - estimate;
-    seconds.reference += reference;
-    seconds.shade += wall - setup - makespan - reference;
 }
 
 pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
@@ -239,17 +292,10 @@ fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
     Ok(waves)
 }
 
-/// Adds the primary rays of a wave to the first frame's map.
-fn add_costs(map: &mut CostMap, wave: &Wave, runs: &[StreamRun]) {
-    for run in runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0) {
-        map.add_wave(&wave.pixels, &run.tasks, &cost::scaled_estimate(run), &run.measured_s);
-    }
-}
-
-fn write_charts(args: &RenderArgs, costs: &CostMap, runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
+fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
-    Ok(costs.write_png(&args.out.join("cost.png"))?)
+    Ok(cost::write_png(&args.out.join("cost.png"), costs)?)
 }
 
 /// What devices call themselves.
@@ -257,60 +303,20 @@ pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
 }
 
-/// What is traced, for people.
-pub(crate) fn print_scene(report: &Report) -> Result<()> {
-    let scene = &report.scene;
-    writeln!(
-        Stdout,
-        "{}: {} triangles, tree of {:.1} MB by {} on {} thread{}, {:.2} million triangles/s, {} precision",
-        scene.source,
-        table::grouped(scene.triangles as u64),
-        scene.bvh_bytes as f64 / 1e6,
-        scene.builder,
-        scene.build_threads,
-        if scene.build_threads == 1 { "" } else { "s" },
-        scene.triangles as f64 / report.seconds.build.max(1e-9) / 1e6,
-        scene.precision
-    )?;
-    if let Some(reason) = &scene.fallback {
-        writeln!(Stdout, "  not by the builder asked for: {reason}")?;
-    }
-    for reason in &scene.plan.reasons {
-        writeln!(Stdout, "  {reason}")?;
-    }
-    Ok(())
-}
-
 fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
-    print_scene(report)?;
+    let width = terminal::columns();
+    write!(Stdout, "{}", terminal::scene(report, width))?;
     if args.balance.explain {
-        write!(Stdout, "\n{}", table::reasons(runs))?;
+        write!(Stdout, "\n{}", terminal::reasons(runs, width))?;
     }
-    writeln!(Stdout, "\n{}", table::streams(runs))?;
-    print_seconds(report)?;
-    let out = args.out.display();
-    writeln!(Stdout, "  written to {out}: image, cost, timeline, trace, report (.json and .html)")?;
-    Ok(())
-}
-
-/// Where the time went, for people.
-pub(crate) fn print_seconds(report: &Report) -> Result<()> {
-    let s = &report.seconds;
-    let parts = [
-        ("load", s.load),
-        ("build", s.build),
-        ("estimate", s.estimate),
-        ("trace", s.trace),
-        ("reference", s.reference),
-        ("shade", s.shade),
-        ("write", s.write),
-        ("total", s.total),
-    ];
-    let wall: Vec<String> = parts
-        .iter()
-        .filter(|(name, s)| *name != "reference" || *s > 0.0)
-        .map(|(name, s)| format!("{name} {}", table::seconds(*s)))
-        .collect();
-    writeln!(Stdout, "  wall: {}", wall.join(", "))?;
+    writeln!(Stdout, "\n{}\n{}", terminal::streams(runs, width), terminal::wall(report, width).trim_end())?;
+    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
+        let PictureReport { samples, samples_asked, .. } = picture;
+        writeln!(Stdout, "  {samples} of {samples_asked} samples of each pixel fitted into the time")?;
+    }
+    let written =
+        format!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
+    writeln!(Stdout, "{}", terminal::wrapped(&written, "    ", width))?;
+    write!(Stdout, "\n{}", terminal::headline(report, width))?;
     Ok(())
 }

@@ -10,9 +10,10 @@ use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_render::ranges::RayRanges;
-use rt_report::Provenance;
+use rt_report::headline::Headline;
 use rt_report::npy;
 use rt_report::print::Stdout;
+use rt_report::{Provenance, terminal};
 use rt_scene::npy::RayFile;
 use std::io::Write;
 use std::sync::Arc;
@@ -112,8 +113,12 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
             scene: SceneReport::of(&prepared),
+            picture: None,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
+            headline: report
+                .as_ref()
+                .map_or_else(|| Headline::of(&runs), |report| Headline::of_processes(std::slice::from_ref(report))),
             streams: runs.into_iter().map(|run| run.report).collect(),
             cluster: report.into_iter().collect(),
             seconds,
@@ -122,9 +127,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     } else {
         if report.is_none() {
             if args.balance.explain {
-                write!(Stdout, "{}", table::reasons(&runs))?;
+                write!(Stdout, "{}", terminal::reasons(&runs, terminal::columns()))?;
             }
-            write!(Stdout, "{}", table::streams(&runs))?;
+            write!(Stdout, "{}", terminal::streams(&runs, terminal::columns()))?;
         }
         let met = hits.iter().filter(|hit| hit.is_hit()).count();
         writeln!(Stdout, "\n  {} of {} rays hit", table::grouped(met as u64), table::grouped(count.into()))?;

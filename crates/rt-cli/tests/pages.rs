@@ -48,6 +48,7 @@ fn main() {
     }));
     trials.push(in_browser("a_complaint_is_noticed", complaint_is_noticed));
     trials.push(in_browser("tasks_are_read_out", tasks_are_read_out));
+    trials.push(in_browser("an_estimate_that_was_not_made_is_a_map_too", unused_estimate_is_shown));
     run(&arguments, trials).exit();
 }
 
@@ -201,6 +202,48 @@ document.documentElement.dataset.result = JSON.stringify([before, first, last, f
         }
     }
     Ok(())
+}
+
+/// Where every ray counted the same the page says so, shows what samples would have predicted in more than one colour,
+/// and has the headline that `report.json` has; every head of a table says what it means.
+///
+/// Fails when a map is painted from what was scheduled by, or nobody samples.
+fn unused_estimate_is_shown(browser: &Path) -> Outcome {
+    let size = ["--size", "96x64", "--spp", "4", "--task-size", "128"];
+    let command = [&["render", "yard", "--devices", "cpu:1,cpu:1", "--estimator", "uniform"][..], &size].concat();
+    let (folder, page) = written(&command)?;
+    let script = r#"
+const colours = (canvas) => {
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  return new Set(Array.from({ length: data.length / 4 }, (_, i) => data.slice(4 * i, 4 * i + 4).join())).size;
+};
+const maps = [...document.querySelectorAll(".cost")];
+document.documentElement.dataset.result = JSON.stringify({
+  lead: document.querySelector(".lead").textContent,
+  kinds: maps.map((map) => map.querySelector("h3").textContent),
+  titles: [...maps[0].querySelectorAll("h4")].map((title) => title.textContent),
+  why: maps[0].querySelector("p").textContent,
+  colours: [...maps[0].querySelectorAll(".maps canvas")].map(colours),
+  untold: [...document.querySelectorAll("th:not([title])")].map((head) => head.textContent),
+});
+"#;
+    let loaded = load(browser, folder.path(), &with_script(&page, script))?;
+    let text = result(&loaded.dom).replace("&quot;", "\"");
+    let found: serde_json::Value = serde_json::from_str(&text).map_err(|error| format!("{error}: {text}"))?;
+    let report: serde_json::Value = serde_json::from_slice(&fs::read(folder.path().join("report.json"))?)?;
+    expect(&found["lead"].to_string(), &report["headline"]["sentence"].to_string())?;
+    expect(&found["kinds"].to_string(), r#"["primary rays","shadow 0 rays","diffuse 0 rays","shadow 1 rays"]"#)?;
+    expect(&found["untold"].to_string(), r#"["device"]"#)?;
+    for (what, part) in [("lead", "Estimating costs first (1 ray in 6"), ("why", "No estimate was made.")] {
+        if !found[what].to_string().contains(part) {
+            return Err(format!("{what} lacks `{part}`: {}", found[what]).into());
+        }
+    }
+    if !found["titles"][0].to_string().contains("estimated (not used), mean ") {
+        return Err(format!("the map is called {}", found["titles"]).into());
+    }
+    let painted = found["colours"].as_array().is_some_and(|all| all.iter().all(|n| n.as_u64() > Some(8)));
+    if painted { Ok(()) } else { Err(format!("maps of few colours: {}", found["colours"]).into()) }
 }
 
 /// The page with one more script at its end: its policy allows scripts inside it.

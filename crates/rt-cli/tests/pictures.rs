@@ -29,11 +29,41 @@ fn a_picture_depends_on_its_seed_alone() {
         &["--devices", "cpu:1", "--memory", "1500K", "--task-size", "64"],
         &["--devices", "cpu:1,cpu:1", "--queue", "static", "--tasks", "7"],
         &["--devices", "cpu:2", "--memory", "1M", "--estimator", "exact", "--queue", "central"],
+        // In one go instead of in passes.
+        &["--devices", "cpu:1", "--reference"],
     ] {
         assert!(with(other) == picture, "another picture with {other:?}");
     }
     let seed = common.map(|word| if word == "5" { "6" } else { word });
     assert!(rendered(&[&seed[..], &["--devices", "cpu:1"]].concat()) != picture, "the seed changes nothing");
+}
+
+/// A picture that is to be there in no time has its first pass, and says so.
+///
+/// Fails when the time is not looked at, or a picture of one sample is divided by those that were asked for.
+#[test]
+fn a_time_limit_ends_with_the_pass_that_fits() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let run = render(dir.path(), &["yard", "--size", "64x40", "--spp", "64", "--devices", "cpu:1", "--time", "0.001"]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let text = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(text.contains("1 of 64 samples of each pixel"), "{text}");
+    let report = fs::read(dir.path().join("report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    let picture = &report["picture"];
+    assert_eq!((picture["samples"].as_u64(), picture["samples_asked"].as_u64()), (Some(1), Some(64)), "{picture}");
+    // It is as bright as one of all samples.
+    let mean = |path: &Path| {
+        let file = std::io::BufReader::new(fs::File::open(path).expect("a picture"));
+        let mut reader = png::Decoder::new(file).read_info().expect("a picture");
+        let mut bytes = vec![0; reader.output_buffer_size().expect("a size")];
+        reader.next_frame(&mut bytes).expect("its pixels");
+        bytes.iter().map(|&byte| f64::from(byte)).sum::<f64>() / bytes.len() as f64
+    };
+    let early = mean(&dir.path().join("image.png"));
+    assert!(render(dir.path(), &["yard", "--size", "64x40", "--spp", "4", "--devices", "cpu:1"]).status.success());
+    let whole = mean(&dir.path().join("image.png"));
+    assert!((early / whole - 1.0).abs() < 0.1, "{early} {whole}");
 }
 
 /// What no machine has room for is refused at once, with what it needs and what there is.

@@ -145,7 +145,15 @@ fn camera_rays_equal_explicit_rays(device: &dyn Device) -> Result<(), String> {
     let camera = camera.map_err(|e| e.to_string())?;
     for (samples, part) in [(1, 0..384), (3, 40..301)] {
         let pixels: Arc<[u32]> = morton::pixel_order(24, 16)[part].into();
-        let made = Arc::new(CameraRays { camera, size: [24, 16], pixels, samples, seed: 5 });
+        let made = Arc::new(CameraRays {
+            camera,
+            size: [24, 16],
+            pixels,
+            samples,
+            first_sample: 0,
+            all_samples: samples,
+            seed: 5,
+        });
         let rays: Vec<(Ray, u32)> = (0..made.len()).map(|i| (made.ray(i), u32::MAX)).collect();
         let explicit = Session::whole(device, &fixture.scene, &rays, counted(device))?;
         ensure!(explicit.hits.iter().any(Hit::is_hit), "the camera looks past the scene");

@@ -106,7 +106,8 @@ impl core::error::Error for CameraError {}
 /// The primary rays of an image or a part of it, made on demand from their number.
 ///
 /// Ray `i` belongs to pixel `pixels[i / samples]`, so with `pixels` in Z-curve order a contiguous range of rays is a
-/// compact region of the screen.
+/// compact region of the screen. An image may be made of several of these with some of each pixel's samples: the rays
+/// are the same as those of one with all of them.
 #[derive(Clone, Debug)]
 pub struct CameraRays {
     /// The camera.
@@ -115,8 +116,12 @@ pub struct CameraRays {
     pub size: [u32; 2],
     /// Pixels to cover, each `x | y << 16`, in the order of the rays.
     pub pixels: Arc<[u32]>,
-    /// Rays per pixel, at least 1. The first of one goes through the centre.
+    /// Rays per pixel, at least 1.
     pub samples: u32,
+    /// Number of the first of them among all of the pixel.
+    pub first_sample: u32,
+    /// Rays per pixel of the whole image. A single one goes through the pixel's centre.
+    pub all_samples: u32,
     /// Seed of the positions inside a pixel.
     pub seed: u32,
 }
@@ -150,7 +155,7 @@ impl CameraRays {
             let (x, y) = ((pixel & 0xffff) as f32, (pixel >> 16) as f32);
             self.camera.ray((x + dx) * width, (y + dy) * height, aspect)
         };
-        if self.samples == 1 {
+        if self.is_centred() {
             let pixels = &self.pixels[first as usize..][..rays.len()];
             rays.iter_mut().zip(pixels).for_each(|(ray, &pixel)| *ray = at(pixel, [0.5, 0.5]));
             return;
@@ -158,12 +163,28 @@ impl CameraRays {
         let (mut pixel, mut sample) = ((first / self.samples) as usize, first % self.samples);
         for ray in rays {
             let here = self.pixels[pixel];
-            *ray = at(here, random::spread_pair(self.seed, here, 0, sample));
+            *ray = at(here, random::spread_pair(self.seed, here, 0, self.first_sample + sample));
             sample += 1;
             if sample == self.samples {
                 (pixel, sample) = (pixel + 1, 0);
             }
         }
+    }
+
+    /// Whether there is one ray for each pixel of the image, through its centre.
+    #[must_use]
+    pub const fn is_centred(&self) -> bool {
+        self.all_samples <= 1
+    }
+
+    /// The number of a ray's path among those of the whole image's samples of these pixels: pixel by pixel, and for
+    /// each sample by sample.
+    #[must_use]
+    pub const fn path(&self, ray: u32) -> u32 {
+        if self.samples == self.all_samples {
+            return ray;
+        }
+        ray / self.samples * self.all_samples + self.first_sample + ray % self.samples
     }
 
     /// The factors from pixels to image positions.
@@ -204,7 +225,8 @@ mod tests {
         let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");
         for samples in [1, 2, 5] {
             let pixels = [0, 1 | 2 << 16, 7, 3 << 16, 5].into();
-            let source = CameraRays { camera, size: [8, 4], pixels, samples, seed: 3 };
+            let source =
+                CameraRays { camera, size: [8, 4], pixels, samples, first_sample: 0, all_samples: samples, seed: 3 };
             let alone: Vec<Ray> = (0..source.len()).map(|i| source.ray(i)).collect();
             assert!(samples == 1 || alone[0].direction != alone[1].direction);
             for first in 0..source.len() {
@@ -213,6 +235,26 @@ mod tests {
                     source.rays(first, &mut rays);
                     assert_eq!(rays, alone[first as usize..last as usize], "{samples}: {first}..{last}");
                 }
+            }
+        }
+    }
+
+    /// Mutants: a part's samples numbered from 0; a single one of several sent through the centre; paths numbered
+    /// within the part.
+    #[test]
+    fn parts_of_the_samples_are_the_rays_of_the_whole() {
+        let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");
+        let pixels: Arc<[u32]> = [0, 1 | 2 << 16, 7].into();
+        let of = |first_sample, samples| {
+            let pixels = Arc::clone(&pixels);
+            CameraRays { camera, size: [8, 4], pixels, samples, first_sample, all_samples: 5, seed: 3 }
+        };
+        let whole = of(0, 5);
+        for (first, samples) in [(0, 1), (1, 2), (3, 2), (4, 1), (0, 5)] {
+            let part = of(first, samples);
+            for ray in 0..part.len() {
+                let path = ray / samples * 5 + first + ray % samples;
+                assert_eq!((part.path(ray), part.ray(ray)), (path, whole.ray(path)), "{first} {samples} {ray}");
             }
         }
     }

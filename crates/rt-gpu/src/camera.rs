@@ -31,12 +31,14 @@ fn trials() -> Vec<Trial> {
     let oblique = ([3.1, 1.7, -2.3], [0.2, 0.4, 0.1]);
     let along = ([0.5, 0.25, 4.0], [0.5, 0.25, 0.0]);
     let far = ([2e5, 1e4, -3e5], [1.0, 0.0, 0.0]);
+    // Of which samples a pixel has rays: how many, from which on, of how many.
     [
-        (1.0, oblique, 50.0, SIZE, 1),
-        (1.0, along, 40.0, SIZE, 3),
-        (3e6, oblique, 170.0, SIZE, 2),
-        (0.004, far, 0.001, SIZE, 5),
-        (1.0, oblique, 90.0, [640, 6], 4),
+        (1.0, oblique, 50.0, SIZE, [1, 0, 1]),
+        (1.0, along, 40.0, SIZE, [3, 0, 3]),
+        (3e6, oblique, 170.0, SIZE, [2, 0, 2]),
+        (0.004, far, 0.001, SIZE, [5, 7, 16]),
+        (1.0, oblique, 90.0, [640, 6], [4, 0, 4]),
+        (1.0, oblique, 60.0, SIZE, [1, 2, 3]),
     ]
     .into_iter()
     .filter_map(|(scale, (eye, target), fov, size, samples)| Trial::new(scale, [eye, target], fov, size, samples))
@@ -58,13 +60,14 @@ pub fn fault<E>(mut make: impl FnMut(&RayRecipe) -> Result<Vec<KernelRay>, E>) -
 }
 
 impl Trial {
-    fn new(scale: f32, [eye, target]: [[f32; 3]; 2], fov: f32, size: [u32; 2], samples: u32) -> Option<Self> {
+    fn new(scale: f32, [eye, target]: [[f32; 3]; 2], fov: f32, size: [u32; 2], samples: [u32; 3]) -> Option<Self> {
         let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 1.0]].map(|p| glam::Vec3::from(p) * scale);
         let scene = build(Mesh { positions: &corners, indices: &[[0, 1, 2]] }, &BuildOptions::default()).ok()?.scene;
         let [eye, target] = [eye, target].map(|p| glam::Vec3::from(p) * scale);
         let camera = Camera::look_at(eye, target, glam::Vec3::Y, fov).ok()?;
         let pixels: Arc<[u32]> = morton::pixel_order(size[0], size[1]).into();
-        let rays = CameraRays { camera, size, pixels, samples, seed: 0x9e37_79b9 };
+        let [samples, first_sample, all_samples] = samples;
+        let rays = CameraRays { camera, size, pixels, samples, first_sample, all_samples, seed: 0x9e37_79b9 };
         let camera = KernelIo::new(&scene).camera(&rays)?;
         Some(Self { scene, rays, camera })
     }
@@ -98,7 +101,7 @@ mod tests {
     #[test]
     fn trials_tell_the_right_rays_from_wrong_ones() {
         let trials = trials();
-        assert_eq!(trials.len(), 5, "every trial is one that the host would not keep to itself");
+        assert_eq!(trials.len(), 6, "every trial is one that the host would not keep to itself");
         for trial in trials {
             let mut rays = trial.expected();
             assert!(rays.iter().all(|ray| ray.kind < KernelRay::MISS));

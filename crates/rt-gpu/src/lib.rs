@@ -57,7 +57,7 @@ pub use rt_shaders::Layout;
 pub use scene::{GpuScene, Layouts, Trees};
 pub use tracer::GpuTracer;
 pub use trials::Trials;
-pub use tuning::Tuning;
+pub use tuning::{RAY_BYTES, Tuning};
 
 /// Launches a device keeps in flight. Two hide the host's hand-over between launches.
 pub const IN_FLIGHT: u32 = 2;

@@ -183,7 +183,8 @@ mod tests {
             let below = |bound, index| random::below(bound, seed, index, 1);
             let samples = 1 + below(4, 0);
             let pixels: Arc<[u32]> = (0..200).map(|i| i * 3).collect();
-            let rays = CameraRays { camera, size: [600, 1], pixels, samples, seed };
+            let rays =
+                CameraRays { camera, size: [600, 1], pixels, samples, first_sample: 0, all_samples: samples, seed };
             // Rows of 1 to 20 rays, some left out, in any order, behind the window's first ray.
             let first = below(30, 1);
             let (mut rows, mut ray) = (Vec::new(), first);

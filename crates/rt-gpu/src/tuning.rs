@@ -1,5 +1,10 @@
 //! How a device's launches are made, where it does not matter to the results.
 
+use rt_bvh::kernel_io::KernelRay;
+
+/// Bytes of a ray on a device.
+pub const RAY_BYTES: u64 = size_of::<KernelRay>() as u64;
+
 /// Choices that change no result. The default is what was measured to be best, or what the device asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tuning {
@@ -11,4 +16,13 @@ pub struct Tuning {
     pub window: Option<u32>,
     /// Whether the host prepares rays even where the device makes them.
     pub host_rays: bool,
+}
+
+impl Tuning {
+    /// Rays in a window of a device that binds so many bytes at once.
+    #[must_use]
+    pub fn window(&self, bound: u64) -> u32 {
+        let rays = u32::try_from(bound / RAY_BYTES).unwrap_or(u32::MAX);
+        rays.min(self.window.unwrap_or(u32::MAX)).max(1)
+    }
 }

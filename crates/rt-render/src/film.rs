@@ -9,7 +9,6 @@ use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterato
 #[derive(Clone, Debug)]
 pub struct Film {
     size: [u32; 2],
-    samples: u32,
     sums: Vec<Vec3>,
 }
 
@@ -21,16 +20,31 @@ impl Film {
     ///
     /// # Errors
     /// When there is no memory for it.
-    pub fn new(size: [u32; 2], samples: u32) -> Result<Self, NoMemory> {
+    pub fn new(size: [u32; 2]) -> Result<Self, NoMemory> {
         let pixels = size[0] as usize * size[1] as usize;
-        Ok(Self { size, samples, sums: memory::filled(Vec3::ZERO, pixels, "the picture")? })
+        Ok(Self { size, sums: memory::filled(Vec3::ZERO, pixels, "the picture")? })
     }
 
-    /// Takes the sums of some pixels, each `x | y << 16`, which were black.
+    /// The sums of some pixels, each `x | y << 16`, so far.
+    #[must_use]
+    pub fn sums_of(&self, pixels: &[u32]) -> Vec<Vec3> {
+        pixels.iter().map(|&pixel| self.sums[self.place(pixel)]).collect()
+    }
+
+    fn place(&self, pixel: u32) -> usize {
+        (pixel >> 16) as usize * self.size[0] as usize + (pixel & 0xffff) as usize
+    }
+
+    /// Begins another picture.
+    pub fn clear(&mut self) {
+        self.sums.fill(Vec3::ZERO);
+    }
+
+    /// Takes the sums of some pixels, each `x | y << 16`, in place of those that were there.
     pub fn take(&mut self, pixels: &[u32], sums: &[Vec3]) {
-        let width = self.size[0] as usize;
-        for (pixel, &sum) in pixels.iter().zip(sums) {
-            self.sums[(pixel >> 16) as usize * width + (pixel & 0xffff) as usize] = sum;
+        for (&pixel, &sum) in pixels.iter().zip(sums) {
+            let place = self.place(pixel);
+            self.sums[place] = sum;
         }
     }
 
@@ -46,43 +60,43 @@ impl Film {
         &self.sums
     }
 
-    /// What the sums are to be multiplied with, so that the picture is pleasantly bright.
+    /// The factor that makes the mean of so many samples pleasantly bright.
     #[must_use]
-    pub fn scale(&self) -> f32 {
-        let mean = 1.0 / self.samples as f32;
-        mean * exposure(|| self.sums.iter().map(|&sum| sum * mean))
+    pub fn exposure(&self, samples: u32) -> f32 {
+        let mean = 1.0 / samples as f32;
+        exposure(|| self.sums.iter().map(|&sum| sum * mean))
     }
 }
 
-/// Sums of radiance over the samples of each pixel of a wave, in its order.
+/// Radiance of each path of a part.
 #[derive(Debug)]
-pub(crate) struct WaveSums {
-    samples: u32,
-    sums: Vec<Vec3>,
-}
+pub(crate) struct Radiance(Vec<Vec3>);
 
 /// Rays shaded at once: enough to occupy every core, few enough that their 20 bytes each do not count as memory.
 const SHADE_BATCH: usize = 1 << 18;
 
-impl WaveSums {
-    pub(crate) fn new(pixels: usize, samples: u32) -> Result<Self, NoMemory> {
-        Ok(Self { samples, sums: memory::filled(Vec3::ZERO, pixels, "the pixels of a wave")? })
+impl Radiance {
+    /// Of so many paths, black.
+    pub(crate) fn new(paths: usize) -> Result<Self, NoMemory> {
+        Ok(Self(memory::filled(Vec3::ZERO, paths, "the paths of a wave")?))
     }
 
-    /// Adds what `shade` returns for `0..count`, in that order: the number of a path in the wave, and its radiance.
-    ///
-    /// Shading runs on all cores, adding does not, so that sums are the same bits on every machine.
-    pub(crate) fn add_all(&mut self, count: usize, shade: impl Fn(usize) -> Option<(u32, Vec3)> + Sync) {
+    /// Adds what `shade` returns for `0..count`, in that order: the place of a path in the part, and its radiance.
+    pub(crate) fn add_all(&mut self, count: usize, shade: impl Fn(usize) -> Option<(usize, Vec3)> + Sync) {
         for first in (0..count).step_by(SHADE_BATCH) {
             let batch = first..count.min(first + SHADE_BATCH);
-            let shaded: Vec<Option<(u32, Vec3)>> = batch.into_par_iter().with_min_len(1024).map(&shade).collect();
+            let shaded: Vec<Option<(usize, Vec3)>> = batch.into_par_iter().with_min_len(1024).map(&shade).collect();
             for (path, radiance) in shaded.into_iter().flatten() {
-                self.sums[(path / self.samples) as usize] += radiance;
+                self.0[path] += radiance;
             }
         }
     }
 
-    pub(crate) fn into_sums(self) -> Vec<Vec3> {
-        self.sums
+    /// Adds that of `samples` paths each to the sums of pixels, path by path: so that sums are the same bits on every
+    /// machine, and in whatever parts the samples came.
+    pub(crate) fn add_to(self, sums: &mut [Vec3], samples: usize) {
+        for (sum, paths) in sums.iter_mut().zip(self.0.chunks(samples.max(1))) {
+            paths.iter().for_each(|&radiance| *sum += radiance);
+        }
     }
 }

@@ -1,19 +1,23 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded.
 
-use crate::film::WaveSums;
+use crate::film::Radiance;
 use crate::{Light, RenderError, memory};
 use glam::Vec3;
 use rt_balance::report::StreamRun;
+use rt_balance::sample::Fraction;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::Surfaces;
-use rt_core::{Camera, Hit, Precision, RaySource, random};
+use rt_core::{Camera, Hit, Precision, RaySource, StreamKind, random};
 use rt_scene::Colours;
-use rt_scene::streams::{PathStream, Paths, Wave};
+use rt_scene::streams::{PathStream, Paths, Samples, Wave};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
+
+/// Share of the rays that is sampled to see what an estimate would have said: that of the estimators which sample.
+const UNUSED_FRACTION: Fraction = Fraction::SIXTY_FOURTH;
 
 /// How tasks are cut.
 #[derive(Clone, Copy, Debug)]
@@ -64,39 +68,75 @@ pub struct Renderer<'a> {
     pub seed: u32,
     /// Whether every task is measured by itself in separate passes.
     pub reference: bool,
+    /// Whether streams of the first frame that were traced without an estimate are estimated afterwards, to see what
+    /// that would have said.
+    pub unused: bool,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
 
-/// Devices, schedule, and what was recorded of each stream so far.
+/// Devices, schedule, and who is told of what was traced.
 pub struct Session<'a> {
     /// The devices.
     pub balancer: Balancer,
     /// How streams are scheduled.
     pub scheduling: Scheduling,
-    /// What was recorded, in the order in which streams were traced.
-    pub runs: Vec<StreamRun>,
-    /// Is told how many rays of how many are traced, and at the end of each stream that all are.
-    pub show: &'a dyn Fn(u64, u64),
+    /// Is told how far the stream is that is traced, and at its end that it is done.
+    pub show: &'a dyn Fn(Progress),
+    /// Is given the record of each stream when it has been traced.
+    pub record: &'a mut dyn FnMut(Traced<'_>),
+}
+
+/// How far a part is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What is traced.
+    pub kind: StreamKind,
+    /// Share of the stream's rays that is traced.
+    pub share: f64,
+    /// Whether the stream is done; told once.
+    pub is_done: bool,
+    /// Paths of the part: each of its streams has so many rays at most.
+    pub paths: u64,
+}
+
+/// A stream that was just traced.
+#[derive(Debug)]
+pub struct Traced<'a> {
+    /// What was recorded.
+    pub run: StreamRun,
+    /// The rays.
+    stream: &'a PathStream,
+    part: Part<'a>,
+}
+
+impl Traced<'_> {
+    /// The pixel that a ray is for, `x | y << 16`.
+    #[must_use]
+    pub fn pixel(&self, ray: u32) -> u32 {
+        self.part.wave.pixels[(self.stream.path(ray) / self.part.paths.samples.max(1)) as usize]
+    }
 }
 
 impl std::fmt::Debug for Session<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Session").field("balancer", &self.balancer).field("runs", &self.runs.len()).finish()
+        f.debug_struct("Session").field("balancer", &self.balancer).finish_non_exhaustive()
     }
 }
 
-/// A part of one frame that fits the memory.
+/// A part of one frame that fits the memory: some pixels, and some of their samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Part<'a> {
     /// The paths of the frame.
     pub paths: &'a Paths,
     /// Number of the frame.
     pub frame: u32,
-    /// Of the wave in its frame.
+    /// Its own in the frame.
     pub number: u32,
     /// Its pixels.
     pub wave: &'a Wave,
+    /// Which of their samples.
+    pub samples: Samples,
 }
 
 impl Renderer<'_> {
@@ -109,75 +149,86 @@ impl Renderer<'_> {
         Paths { camera, size, samples, seed, sun: self.light.sun, surfaces: Arc::clone(&self.surfaces) }
     }
 
-    /// Renders the pixels of one wave: sums of radiance over the samples of each, in the order of the wave. They are
-    /// the same bits whatever else is rendered, where, and by which devices.
+    /// Renders a part: adds the radiance of its samples to `sums`, one for each pixel of the wave in its order. If
+    /// those are of the samples before, they are the same bits whatever else is rendered, in which parts, where, and by
+    /// which devices.
     ///
     /// # Errors
-    /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set.
-    pub fn wave(&self, session: &mut Session<'_>, part: Part<'_>) -> Result<Vec<Vec3>, RenderError> {
-        let Part { paths, wave, .. } = part;
-        let mut sums = WaveSums::new(wave.pixels.len(), self.samples)?;
+    /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
+    pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<(), RenderError> {
+        let Part { paths, wave, samples, .. } = part;
+        let count = wave.pixels.len() * samples.count as usize;
+        let mut radiance = Radiance::new(count)?;
         // For each path the share of its radiance that reaches the pixel.
-        let count = wave.pixels.len() * self.samples as usize;
         let mut throughput = memory::filled(Vec3::ONE, count, "the rays of a wave")?;
-        let mut front = paths.primary(wave);
+        let mut front = paths.part(wave, samples);
         for bounce in 0..=self.bounces {
             let hits = self.trace(session, part, &front)?;
-            let seen = Seen { stream: &front, throughput: &throughput };
-            self.add_misses(&seen, &hits, &mut sums);
+            let seen = Seen { stream: &front, throughput: &throughput, part };
+            self.add_misses(&seen, &hits, &mut radiance);
             // The last bounce's light is not followed any further.
             if bounce == self.bounces {
-                self.add_fill(&seen, &hits, &mut sums);
+                self.add_fill(&seen, &hits, &mut radiance);
                 let shadow = paths.end(&front, &hits);
                 drop(hits);
                 let blocked = self.trace(session, part, &shadow)?;
-                self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut sums);
+                self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
                 break;
             }
             let [shadow, diffuse] = paths.follow(&front, &hits);
             drop(hits);
             let blocked = self.trace(session, part, &shadow)?;
-            self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut sums);
+            self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
             for from in diffuse.departures() {
-                throughput[from.path as usize] *= self.colours.of(from.primitive);
+                throughput[samples.place(from.path, paths.samples) as usize] *= self.colours.of(from.primitive);
             }
             front = diffuse;
         }
-        Ok(sums.into_sums())
+        radiance.add_to(sums, samples.count as usize);
+        Ok(())
     }
 
     /// Traces a stream and records it.
     fn trace(&self, session: &mut Session<'_>, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>, RenderError> {
-        let Session { balancer, scheduling, runs, show } = session;
+        let Session { balancer, scheduling, show, record } = session;
         let rays = stream.source.len();
+        let (kind, paths) = (stream.kind, part.wave.pixels.len() as u64 * u64::from(part.samples.count));
+        let at = |share, is_done| show(Progress { kind, share, is_done, paths });
         if rays == 0 {
+            at(1.0, true);
             return Ok(Vec::new());
         }
+        let path_stream = stream;
         let stream = Stream::new(stream.source.clone(), stream.kind, stream.spec(self.precision));
         let stream = self.cut.of(stream, balancer.devices().count());
         let stream = Stream { seed: self.seed, frame: part.frame, wave: part.number, ..stream };
         let mut hits = memory::filled(Hit::MISS, rays as usize, "the hits of a wave")?;
-        let control = Control { cancel: Some(self.cancel), progress: Some(*show), ..Control::default() };
-        let traced = balancer.trace(&stream, scheduling, &mut hits, None, control);
-        show(rays.into(), rays.into());
+        let progress = |done: u64, all: u64| at(done as f64 / all.max(1) as f64, false);
+        let quiet = Control { cancel: Some(self.cancel), ..Control::default() };
+        let traced =
+            balancer.trace(&stream, scheduling, &mut hits, None, Control { progress: Some(&progress), ..quiet });
+        at(1.0, true);
         let mut run = traced?;
         if self.reference {
-            balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, control)?.judge(&mut run);
+            balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
         }
-        runs.push(run);
+        if self.unused && part.frame == 0 && run.report.estimate.is_uninformed() {
+            balancer.estimate_unused(&stream, &mut run, UNUSED_FRACTION, scheduling.limits, quiet)?;
+        }
+        record(Traced { run, stream: path_stream, part });
         Ok(hits)
     }
 
-    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], sums: &mut WaveSums) {
-        sums.add_all(hits.len(), |i| {
+    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
+        radiance.add_all(hits.len(), |i| {
             let sky = || self.light.sky(seen.stream.source.ray(i as u32).0.direction);
             (!hits[i].is_hit()).then(|| seen.through(i, sky()))
         });
     }
 
-    fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], sums: &mut WaveSums) {
+    fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], radiance: &mut Radiance) {
         let departures = seen.stream.departures();
-        sums.add_all(blocked.len(), |i| {
+        radiance.add_all(blocked.len(), |i| {
             if blocked[i].is_hit() {
                 return None;
             }
@@ -188,8 +239,8 @@ impl Renderer<'_> {
         });
     }
 
-    fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], sums: &mut WaveSums) {
-        sums.add_all(hits.len(), |i| {
+    fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
+        radiance.add_all(hits.len(), |i| {
             let hit = &hits[i];
             // Only directions of camera rays have any length.
             let length = || match &seen.stream.source {
@@ -206,14 +257,16 @@ impl Renderer<'_> {
 #[derive(Clone, Copy)]
 struct Seen<'a> {
     stream: &'a PathStream,
-    /// For each path of the wave, the share of its radiance that reaches the pixel.
+    /// For each path of the part, the share of its radiance that reaches the pixel.
     throughput: &'a [Vec3],
+    part: Part<'a>,
 }
 
 impl Seen<'_> {
-    /// What light that comes along ray `i` adds to which path.
-    fn through(&self, i: usize, light: Vec3) -> (u32, Vec3) {
-        let path = self.stream.path(i as u32);
-        (path, self.throughput[path as usize] * light)
+    /// What light that comes along ray `i` adds to which path of the part.
+    fn through(&self, i: usize, light: Vec3) -> (usize, Vec3) {
+        let Part { samples, paths, .. } = self.part;
+        let path = samples.place(self.stream.path(i as u32), paths.samples) as usize;
+        (path, self.throughput[path] * light)
     }
 }

@@ -10,7 +10,7 @@ use glam::Vec3;
 use rt_bvh::Stack;
 use rt_cluster::Job;
 use rt_core::{Scene, StreamSpec};
-use rt_scene::streams::{PathStream, Paths, Wave, Waves};
+use rt_scene::streams::{PathStream, Paths, Samples, Wave, Waves};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// Tiles of each process, where the picture is large enough: the most expensive come first, so what is left over in the
@@ -57,8 +57,11 @@ impl Job for FrameTiles<'_, '_> {
 
     fn compute(&mut self, tile: u32) -> Result<Vec<u8>, RenderError> {
         let wave = self.tiles.wave(tile.into());
-        let part = Part { paths: self.paths, frame: self.frame, number: tile, wave: &wave };
-        Ok(pack(&self.renderer.wave(self.session, part)?))
+        let samples = Samples::all(self.paths.samples);
+        let part = Part { paths: self.paths, frame: self.frame, number: tile, wave: &wave, samples };
+        let mut sums = vec![Vec3::ZERO; wave.pixels.len()];
+        self.renderer.part(self.session, part, &mut sums)?;
+        Ok(pack(&sums))
     }
 }
 

@@ -8,7 +8,7 @@ use rt_cluster::local::{LocalRank, Weather, network};
 use rt_cluster::{ClusterError, Deal, Dealt, Finished, Patience, deal};
 use rt_core::bounce::Surfaces;
 use rt_render::tiles::{FrameTiles, cut, fingerprint, fingerprint_of_scene, unpack};
-use rt_render::{Film, Light, Part, Renderer, Session, TaskCut};
+use rt_render::{Film, Frame, Light, Passes, RenderError, Renderer, Session, TaskCut};
 use rt_scene::prepare::{Options, Prepared, prepare};
 use rt_scene::streams::{Paths, Waves};
 use std::ops::ControlFlow;
@@ -16,11 +16,11 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const SIZE: [u32; 2] = [150, 97];
 
-const SAMPLES: u32 = 2;
+const SAMPLES: u32 = 5;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
@@ -41,6 +41,7 @@ fn garden() -> (Renderer<'static>, Paths) {
         cut: TaskCut::Size(1024),
         seed: 5,
         reference: false,
+        unused: false,
         cancel: &NEVER,
     };
     let paths = renderer.paths(view.camera().expect("a camera"), 0);
@@ -51,7 +52,7 @@ fn with_session<T>(renderer: &Renderer<'_>, work: impl FnOnce(&mut Session<'_>) 
     let devices = CpuDevice::open_all(&[1]).expect("a processor").into_iter();
     let devices: Vec<Arc<dyn Device>> = devices.map(|device| Arc::new(device) as _).collect();
     let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices).expect("a processor takes it");
-    let mut session = Session { balancer, scheduling: Scheduling::default(), runs: Vec::new(), show: &|_, _| {} };
+    let mut session = Session { balancer, scheduling: Scheduling::default(), show: &|_| {}, record: &mut |_| {} };
     work(&mut session)
 }
 
@@ -59,16 +60,44 @@ fn waves() -> Waves {
     Waves::new(SIZE, SAMPLES, 1, u64::MAX).expect("a size")
 }
 
-/// Of one process, in one wave.
-fn alone(renderer: &Renderer<'_>, paths: &Paths) -> Film {
-    let mut film = Film::new(SIZE, SAMPLES).expect("memory");
-    with_session(renderer, |session| {
-        for (number, wave) in (0..).zip(waves().iter()) {
-            let part = Part { paths, frame: 0, number, wave: &wave };
-            film.take(&wave.pixels, &renderer.wave(session, part).expect("a wave"));
-        }
-    });
+/// Of one process, in so many waves and in passes.
+fn rendered(renderer: &Renderer<'_>, paths: &Paths, waves: &Waves, passes: Passes) -> Film {
+    let mut film = Film::new(SIZE).expect("memory");
+    let frame = Frame { paths, number: 0, waves, end: None };
+    let shown: &mut dyn FnMut(&Film, u32) -> Result<(), RenderError> = &mut |_, _| Ok(());
+    with_session(renderer, |session| frame.render(renderer, session, passes, &mut film, shown)).expect("a picture");
     film
+}
+
+/// Of one process, at one go.
+fn alone(renderer: &Renderer<'_>, paths: &Paths) -> Film {
+    rendered(renderer, paths, &waves(), Passes::whole(SAMPLES))
+}
+
+/// Fails when sums depend on the passes, a pass numbers its samples from 0, or one of a single sample goes through the
+/// centres of pixels.
+#[test]
+fn passes_make_the_picture_of_one_go() {
+    let (renderer, paths) = garden();
+    let whole = alone(&renderer, &paths);
+    let small = Waves::new(SIZE, SAMPLES, 256, 1 << 20).expect("a size");
+    assert!(small.count() > 1);
+    for waves in [waves(), small] {
+        assert!(rendered(&renderer, &paths, &waves, Passes::doubling(SAMPLES)).sums() == whole.sums());
+    }
+    // What is shown after the first pass is the picture of one sample of as many.
+    let mut first = Vec::new();
+    let mut film = Film::new(SIZE).expect("memory");
+    let frame = Frame { paths: &paths, number: 0, waves: &waves(), end: Some(Instant::now()) };
+    let shown: &mut dyn FnMut(&Film, u32) -> Result<(), RenderError> = &mut |film, samples| {
+        first.push((samples, film.sums().to_vec()));
+        Ok(())
+    };
+    with_session(&renderer, |session| frame.render(&renderer, session, Passes::doubling(SAMPLES), &mut film, shown))
+        .expect("a picture");
+    // Its time was over before it began: one pass is made all the same.
+    assert_eq!(first.iter().map(|(samples, _)| *samples).collect::<Vec<_>>(), [1]);
+    assert!(first[0].1 != whole.sums());
 }
 
 type Ended = Result<Dealt, ClusterError>;
@@ -83,7 +112,7 @@ fn together(renderer: &Renderer<'_>, paths: &Paths, ranks: Vec<LocalRank>) -> (F
         patience,
         ..Deal::new(tiles.count() as u32, fingerprint(fingerprint_of_scene(renderer), renderer, paths, &tiles))
     };
-    let mut film = Film::new(SIZE, SAMPLES).expect("memory");
+    let mut film = Film::new(SIZE).expect("memory");
     let run = |mut rank: LocalRank, film: &mut Film| {
         with_session(renderer, |session| {
             let mut job = FrameTiles { renderer, session, paths, frame: 0, tiles };
@@ -99,7 +128,7 @@ fn together(renderer: &Renderer<'_>, paths: &Paths, ranks: Vec<LocalRank>) -> (F
     let own = ranks.next().expect("rank 0");
     let ended = thread::scope(|threads| {
         let run = &run;
-        let start = |rank| threads.spawn(move || run(rank, &mut Film::new([1, 1], 1).expect("memory")));
+        let start = |rank| threads.spawn(move || run(rank, &mut Film::new([1, 1]).expect("memory")));
         let others: Vec<_> = ranks.map(start).collect();
         let own = run(own, &mut film);
         let others = others.into_iter().map(|rank| rank.join().expect("no panic"));

@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
-use rt_core::{StreamKind, Task};
+use rt_core::{StreamKind, Task, Work};
 use rt_report::Provenance;
 use rt_report::chart::{cost, timeline, trace};
 use rt_report::print::Stdout;
@@ -115,6 +115,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
         device_of: Vec::new(),
         activities,
         reference_s: None,
+        unused: None,
     }
 }
 
@@ -148,9 +149,19 @@ fn costs(path: &Path, width: u32, height: u32, side: u32) -> Result<(), Box<dyn 
             measured.push(if known { cost * (0.9 + 0.25 * noise(tasks.len() as u32)) } else { f64::NAN });
         }
     }
-    let mut map = cost::CostMap::new([width, height], 1);
-    map.add_wave(&pixels, &tasks, &estimated, &measured);
-    Ok(map.write_png(path)?)
+    let count = tasks.len();
+    let run = StreamRun {
+        work: vec![Work::default(); count],
+        kept: vec![0; count],
+        device_of: vec![0; count],
+        tasks,
+        predicted_s: estimated,
+        measured_s: measured,
+        ..stream(StreamKind::Primary, 0.0, &[1.0], 1)
+    };
+    let mut map = cost::CostMap::new("primary", [width, height]);
+    map.add(&run, |ray| pixels[ray as usize]);
+    Ok(cost::write_png(path, &[map])?)
 }
 
 /// Coloured discs from dark to far too bright: highlights must fade to white without turning another colour.

@@ -7,6 +7,7 @@
 pub mod chart;
 mod error;
 pub mod exit;
+pub mod headline;
 pub mod html;
 pub mod image;
 mod machine;
@@ -16,6 +17,7 @@ pub mod print;
 mod provenance;
 pub mod report;
 pub mod table;
+pub mod terminal;
 pub mod usage;
 
 pub use error::ReportError;

@@ -1,11 +1,15 @@
 //! `report.json`, schema 2 (described in docs/report.md).
 
 use crate::Provenance;
-use rt_balance::report::StreamReport;
+use crate::headline::Headline;
+use glam::{DVec3, Vec3};
+use rt_balance::report::{StreamReport, StreamRun};
 use rt_cluster::ClusterReport;
+use rt_scene::View;
 use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
 use serde::Serialize;
+use std::fmt;
 
 /// The version of the layout; it changes when a field changes its meaning or goes away.
 pub const SCHEMA: u32 = 2;
@@ -17,6 +21,8 @@ pub struct Report {
     pub schema: u32,
     /// The scene that was traced.
     pub scene: SceneReport,
+    /// What was rendered; null where rays were given.
+    pub picture: Option<PictureReport>,
     /// Name of the queue.
     pub queue: &'static str,
     /// Null for the central queue, which has none.
@@ -26,6 +32,8 @@ pub struct Report {
     /// What was dealt to which process, one entry for each frame; empty where there was one process alone. `streams`
     /// are those of rank 0 then.
     pub cluster: Vec<ClusterReport>,
+    /// How well it was balanced.
+    pub headline: Headline,
     /// Where the time went.
     pub seconds: Seconds,
     /// Where it comes from.
@@ -80,6 +88,58 @@ impl SceneReport {
     }
 }
 
+/// A picture, or the frames of an animation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PictureReport {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Samples of each pixel that are in it: of an animation, in its last frame.
+    pub samples: u32,
+    /// Samples that were asked for.
+    pub samples_asked: u32,
+    /// Diffuse bounces.
+    pub bounces: u32,
+    /// Frames that are there.
+    pub frames: u32,
+    /// Degrees by which the camera turns from one to the next.
+    pub degrees_per_frame: f32,
+    /// Seed of all random numbers.
+    pub seed: u32,
+    /// The first frame's camera.
+    pub camera: CameraReport,
+}
+
+/// A view, in the coordinates of the scene's file.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CameraReport {
+    /// Where it is.
+    pub eye: [f64; 3],
+    /// What it looks at.
+    pub target: [f64; 3],
+    /// Which way is up.
+    pub up: [f32; 3],
+    /// Vertical field of view.
+    pub fov_degrees: f32,
+}
+
+impl CameraReport {
+    /// Of a view of a scene whose coordinates are those of its file less `offset`.
+    #[must_use]
+    pub fn of(view: &View, offset: DVec3) -> Self {
+        let place = |point: Vec3| (point.as_dvec3() + offset).to_array();
+        Self { eye: place(view.eye), target: place(view.target), up: view.up.to_array(), fov_degrees: view.fov_degrees }
+    }
+}
+
+/// Options of the command that give the same camera.
+impl fmt::Display for CameraReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ([ex, ey, ez], [tx, ty, tz], [ux, uy, uz]) = (self.eye, self.target, self.up);
+        let fov = self.fov_degrees;
+        write!(f, "--eye {ex},{ey},{ez} --target {tx},{ty},{tz} --up {ux},{uy},{uz} --fov {fov}")
+    }
+}
+
 /// Wall seconds of the whole run, by what was done.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Seconds {
@@ -95,10 +155,31 @@ pub struct Seconds {
     pub trace: f64,
     /// The separate measuring passes of `--reference`.
     pub reference: f64,
+    /// Estimates that nothing was scheduled by, made for comparison.
+    pub unused_estimate: f64,
     /// The picture made of hits.
     pub shade: f64,
     /// Pictures and charts; this file itself is written last and not counted.
     pub write: f64,
     /// From the start of the program.
     pub total: f64,
+}
+
+impl Seconds {
+    /// Adds streams that took `wall_s` seconds with all that was done about them: what is not accounted for was
+    /// shading.
+    pub fn add_streams(&mut self, runs: &[StreamRun], wall_s: f64) {
+        let sum = |part: fn(&StreamRun) -> f64| runs.iter().map(part).sum::<f64>();
+        let setup = sum(|run| run.report.setup_s);
+        let estimate = sum(|run| run.report.estimate.seconds);
+        let makespan = sum(|run| run.report.makespan_s);
+        let reference = sum(|run| run.reference_s.unwrap_or_default());
+        let unused = sum(|run| run.report.estimate.unused.as_ref().map_or(0.0, |unused| unused.seconds));
+        self.setup += setup;
+        self.estimate += estimate;
+        self.trace += makespan - estimate;
+        self.reference += reference;
+        self.unused_estimate += unused;
+        self.shade += (wall_s - setup - makespan - reference - unused).max(0.0);
+    }
 }

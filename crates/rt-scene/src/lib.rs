@@ -1,12 +1,13 @@
 //! Scenes, cameras and ray streams.
 //!
-//! [`obj`] loads a [`Model`], [`builtin`] generates one, [`npy`] reads a caller's rays, [`view`] finds a camera for it,
-//! [`scan`] looks at its numbers and plans how to trace it, and [`streams`] makes the rays: camera rays in waves, then
-//! shadow and diffuse rays from the hits of a stream before. [`scenes`] lists what can be named without a file, and
-//! [`prepare`] makes of a name or a file what can be traced.
+//! [`files`] loads a [`Model`] of a file ([`obj`] where it is Wavefront's), [`builtin`] generates one, [`npy`] reads a
+//! caller's rays, [`view`] finds a camera for it, [`scan`] looks at its numbers and plans how to trace it, and
+//! [`streams`] makes the rays: camera rays in waves, then shadow and diffuse rays from the hits of a stream before.
+//! [`scenes`] lists what can be named without a file, and [`prepare`] makes of a name or a file what can be traced.
 #![forbid(unsafe_code)]
 
 pub mod builtin;
+pub mod files;
 mod frame;
 mod memory;
 mod model;

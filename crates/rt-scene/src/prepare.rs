@@ -1,6 +1,7 @@
 //! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
 
-use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch, load_obj};
+use crate::files::load_file;
+use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch};
 use crate::progress::{LoadStage, Meter};
 use crate::scan::{Plan, Scan};
 use crate::streams::{Paths, Sun};
@@ -192,7 +193,10 @@ pub fn generate(name: &str) -> Option<Model> {
 /// What tables call a scene: the built-in scene's name, or the file's without folder and ending.
 #[must_use]
 pub fn short_name(scene: &Path) -> String {
-    scene.file_stem().unwrap_or(scene.as_os_str()).to_string_lossy().into_owned()
+    let stem = |path: &Path| path.file_stem().unwrap_or(path.as_os_str()).to_owned();
+    let is_packed = scene.extension().is_some_and(|ending| ending == "gz" || ending == "xz");
+    let name = if is_packed { stem(Path::new(&stem(scene))) } else { stem(scene) };
+    name.to_string_lossy().into_owned()
 }
 
 /// Whether a scene is built in or its file is there; so much can be said before any of several scenes is worked on.
@@ -223,7 +227,7 @@ pub fn load(scene: &Path, invalid: InvalidTriangles, watch: &mut Watch<'_>) -> R
     check(scene)?;
     let options = LoadOptions { drop_invalid: invalid == InvalidTriangles::Drop, ..LoadOptions::default() };
     let Loaded { model, warnings, notes, libraries, .. } =
-        load_obj(scene, &options, watch).map_err(PrepareError::Load)?;
+        load_file(scene, &options, watch).map_err(PrepareError::Load)?;
     Ok(Named { name, model, warnings, notes, libraries })
 }
 

@@ -30,7 +30,8 @@ struct Bounce {
     departures: u32,
     // Number of the group of `samples` paths that the wave's first one belongs to.
     first_group: u32,
-    unused: u32,
+    // As much as the camera's needs.
+    unused: array<u32, 5>,
     // At word 0 the table of places in the window.
     words: array<u32>,
 }

@@ -26,6 +26,11 @@ struct Camera {
     zero: u32,
     // Where the pixels begin, each x | y << 16.
     pixels: u32,
+    // Number of the first of a pixel's rays among its samples.
+    first_sample: u32,
+    // Not 0 if rays go through the centres of their pixels.
+    is_centred: u32,
+    unused: vec2<u32>,
     // At word 0 the table of places in the window.
     words: array<u32>,
 }
@@ -49,8 +54,8 @@ fn make_rays(
     let number = named(recipe.numbers, index);
     let pixel = recipe.words[recipe.pixels + number / recipe.samples];
     var inside = vec2<f32>(0.5);
-    if recipe.samples > 1u {
-        inside = spread_pair(recipe.seed, pixel, 0u, number % recipe.samples);
+    if recipe.is_centred == 0u {
+        inside = spread_pair(recipe.seed, pixel, 0u, recipe.first_sample + number % recipe.samples);
     }
     // rt_core::CameraRays::ray and Camera::ray. Products with 2 are exact.
     let x = keep(keep(f32(pixel & 0xffffu) + inside.x) * recipe.pixel.x);

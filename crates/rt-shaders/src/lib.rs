@@ -218,6 +218,9 @@ mod tests {
             ("exponents", offset_of!(KernelCamera, exponents)),
             ("zero", offset_of!(KernelCamera, zero)),
             ("pixels", offset_of!(KernelCamera, pixels)),
+            ("first_sample", offset_of!(KernelCamera, first_sample)),
+            ("is_centred", offset_of!(KernelCamera, is_centred)),
+            ("unused", size_of::<KernelCamera>() - 8),
             ("words", size_of::<KernelCamera>()),
         ]
         .map(|(name, offset)| (name, offset as u32));
@@ -238,7 +241,7 @@ mod tests {
             ("zero", offset_of!(KernelBounce, zero)),
             ("departures", offset_of!(KernelBounce, departures)),
             ("first_group", offset_of!(KernelBounce, first_group)),
-            ("unused", size_of::<KernelBounce>() - 4),
+            ("unused", size_of::<KernelBounce>() - 20),
             ("words", size_of::<KernelBounce>()),
         ]
         .map(|(name, offset)| (name, offset as u32));

@@ -89,11 +89,11 @@ pub(crate) fn count(
                         && hit.is_before(&best)
                     {
                         best = hit;
-                        if query == Query::Any {
-                            return (best, counts);
-                        }
                         limit = f64::from(hit.t) * scale + slack(hit.t);
                     }
+                }
+                if query == Query::Any && best.is_hit() {
+                    return (best, counts);
                 }
             }
             BlockChild::Empty => {}

@@ -5,6 +5,7 @@
 )]
 
 use crate::isa::Found;
+use crate::lanes::portable::Portable;
 use crate::lanes::{LANES, Level};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{avx2::Avx2, avx512::Avx512};
@@ -27,17 +28,26 @@ pub(crate) struct Batch<'a> {
     pub(crate) hits: &'a mut [Hit],
 }
 
-/// What is compiled once for each set of instructions.
+/// What is compiled for each set of instructions, in a function of its own: what is changed for one kind of work must not
+/// change how another is compiled.
 pub(crate) trait Work {
     /// Does it. To be inlined, so that it is compiled for the instructions of its caller.
     fn run<L: Level>(self, level: L);
 }
 
 impl Found {
+    /// Traces a batch.
+    pub(crate) fn trace(self, batch: Batch<'_>) {
+        match batch.query {
+            Query::Closest => self.run(Tracing::<false>(batch)),
+            Query::Any => self.run(Tracing::<true>(batch)),
+        }
+    }
+
     /// Does something with these instructions.
-    pub(crate) fn run(self, work: impl Work) {
+    pub(crate) fn run<W: Work>(self, work: W) {
         match self {
-            Self::Portable(level) => work.run(level),
+            Self::Portable(level) => run_portable(level, work),
             // SAFETY: the proof says that the processor has what the function is compiled for.
             #[cfg(target_arch = "x86_64")]
             Self::Avx2(level) => unsafe { run_avx2(level, work) },
@@ -48,26 +58,33 @@ impl Found {
     }
 }
 
+#[inline(never)]
+fn run_portable<W: Work>(level: Portable, work: W) {
+    work.run(level);
+}
+
 #[cfg(target_arch = "x86_64")]
+#[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2(level: Avx2, work: impl Work) {
+fn run_avx2<W: Work>(level: Avx2, work: W) {
     work.run(level);
 }
 
 #[cfg(target_arch = "x86_64")]
+#[inline(never)]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx512(level: Avx512, work: impl Work) {
+fn run_avx512<W: Work>(level: Avx512, work: W) {
     work.run(level);
 }
 
-impl Work for Batch<'_> {
+/// A batch, by its query.
+struct Tracing<'a, const ANY: bool>(Batch<'a>);
+
+impl<const ANY: bool> Work for Tracing<'_, ANY> {
     // Inlined, as all below, so that it is compiled for the instructions of its caller.
     #[inline(always)]
     fn run<L: Level>(self, level: L) {
-        match self.query {
-            Query::Closest => self.trace::<L, false>(level),
-            Query::Any => self.trace::<L, true>(level),
-        }
+        self.0.trace::<L, ANY>(level);
     }
 }
 

@@ -15,7 +15,7 @@
 //!   ray's limit when the child's turn comes. The limit is that of the ray, or its nearest hit so far. Every valid ray
 //!   visits the root.
 //! * A visited node costs eight box tests, whatever is in its slots. A visited block costs as many triangle tests as it
-//!   holds triangles, also where the first of them ends the ray.
+//!   holds triangles; the nearest of those that a ray hits there ends it, where any hit will do.
 //! * Reduced walks do not look at blocks: those of a node that the ray enters when the node is visited are counted
 //!   there and then. If leaves are taken for hits, the nearest of these boxes becomes the ray's limit.
 //!
@@ -142,7 +142,7 @@ impl Kernel {
             let batch = Batch { tree, frame: &frame, packet, query, few, rays, excluded: own, hits };
             if order::are_to_be_sorted(coherence, rays) {
                 sorted.take(rays, own);
-                self.0.run(Batch {
+                self.0.trace(Batch {
                     rays: &sorted.rays[..rays.len()],
                     excluded: &sorted.excluded[..own.len()],
                     hits: &mut sorted.hits[..rays.len()],
@@ -150,7 +150,7 @@ impl Kernel {
                 });
                 sorted.give(&sorted.hits, hits);
             } else {
-                self.0.run(batch);
+                self.0.trace(batch);
             }
         }
     }
@@ -201,23 +201,29 @@ impl Kernel {
             if order::are_to_be_sorted(coherence, rays) {
                 sorted.take(rays, own);
                 let sorted_counts = &mut sorted_counts[..rays.len()];
-                self.0.run(CountBatch {
-                    tree,
-                    frame: &frame,
-                    counter,
-                    walk,
-                    query,
-                    few,
-                    rays: &sorted.rays[..rays.len()],
-                    excluded: &sorted.excluded[..own.len()],
-                    counts: &mut *sorted_counts,
-                    hits: &mut sorted.hits[..rays.len()],
-                });
+                counted::run(
+                    self.0,
+                    CountBatch {
+                        tree,
+                        frame: &frame,
+                        counter,
+                        walk,
+                        query,
+                        few,
+                        rays: &sorted.rays[..rays.len()],
+                        excluded: &sorted.excluded[..own.len()],
+                        counts: &mut *sorted_counts,
+                        hits: &mut sorted.hits[..rays.len()],
+                    },
+                );
                 sorted.give(sorted_counts, counts);
                 sorted.give(&sorted.hits, hits);
             } else {
                 let frame = &frame;
-                self.0.run(CountBatch { tree, frame, counter, walk, query, few, rays, excluded: own, counts, hits });
+                counted::run(
+                    self.0,
+                    CountBatch { tree, frame, counter, walk, query, few, rays, excluded: own, counts, hits },
+                );
             }
         }
     }

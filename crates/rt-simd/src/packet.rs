@@ -4,8 +4,8 @@
 //! for the bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire
 //! Ray Packets* (2006). The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds
 //! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
-//! at a time, and goes on the stack with the set of those that enter it. Where few are left they go on one by one (the
-//! module `single`).
+//! at a time, and goes on the stack with the set of those that enter it. A single child is not: testing it costs more
+//! than the few rays save that do not enter it. Where few are left they go on one by one (the module `single`).
 //!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
@@ -23,6 +23,9 @@ pub(crate) const GROUPS: usize = 4;
 
 /// Rays of a packet.
 pub(crate) const RAYS: usize = GROUPS * LANES;
+
+/// Bytes of a tree that stays in the nearest caches.
+const NEAR: u64 = 1 << 18;
 
 /// A packet, and what it needs on its way.
 #[derive(Clone, Debug)]
@@ -49,6 +52,7 @@ impl Packet {
     ) {
         let Self { groups, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
+        let far = tree.bytes() > NEAR;
         // Most packets have rays of one octant.
         let mut ways = [[0; 2]; 3];
         for group in &*groups {
@@ -69,7 +73,7 @@ impl Packet {
                 continue;
             }
             let frustum = Frustum::around(level, groups, &open, octant);
-            let mut walk = Walk { tree, frame, rays, few, groups, open, octant };
+            let mut walk = Walk { tree, far, frame, rays, few, groups, open, octant };
             walk.run::<L, ANY>(level, frustum, stack);
         }
     }
@@ -78,6 +82,8 @@ impl Packet {
 /// Rays of one octant on their way.
 struct Walk<'a> {
     tree: &'a BlockTree,
+    /// Whether what hangs below a node is worth asking for ahead.
+    far: bool,
     frame: &'a Frame,
     /// As given.
     rays: &'a [Ray],
@@ -141,6 +147,16 @@ impl Walk<'_> {
         let (mut entries, mut numbers) = ([0.0; 8], [0; 8]);
         near.store(&mut entries);
         slots.store(&mut numbers);
+        let child = |j: usize| node.children()[numbers[j & 7] as usize & 7];
+        if self.far {
+            for j in 0..count {
+                self.fetch(level, child(j));
+            }
+        }
+        if count == 1 {
+            stack.push(entries[0], child(0), rays);
+            return;
+        }
         let mut entered = [0; 8];
         let planes = self.planes(node.planes());
         for (i, group) in self.groups.iter().enumerate() {
@@ -157,8 +173,17 @@ impl Walk<'_> {
             }
         }
         for j in 0..count {
-            let child = node.children()[numbers[j & 7] as usize & 7];
-            stack.push_if(entered[j & 7] != 0, entries[j & 7], child, entered[j & 7]);
+            stack.push_if(entered[j & 7] != 0, entries[j & 7], child(j), entered[j & 7]);
+        }
+    }
+
+    /// Asks for a child that will be visited soon.
+    #[inline(always)]
+    fn fetch<L: Level>(&self, level: L, child: u32) {
+        match BlockChild::of(child) {
+            BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&self.tree.nodes()[index as usize])),
+            BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&self.tree.blocks()[index as usize])),
+            BlockChild::Empty => {}
         }
     }
 

@@ -18,8 +18,8 @@
 //! o′)·r, or as p·r − (o′·r) where the last product and difference may be one operation. Components of d below 2⁻⁶⁰ are
 //! replaced by that. The errors, in units of length along k (times r they are distances):
 //!
-//! * o is a given number scaled, rounded once where it becomes subnormal: 2⁻¹⁵⁰, and the rounding of o ± pad: u·|o_k| +
-//!   u·pad.
+//! * o is a given number scaled, without loss, as a ray for which it becomes subnormal is extreme; o ± pad is rounded:
+//!   u·|o_k| + u·pad.
 //! * r is off by u of itself: u·(M_k + pad). Replacing a component moves points of the ray by at most 2⁻⁶⁰·M.
 //! * (p − o′)·r rounds twice: 2.01·u·(M_k + pad).
 //! * p·r − o′·r rounds both products, of |p| ≤ M_k + |o_k| and |o′|, and their difference: u·(2·|o_k| + 2.01·M_k +
@@ -85,11 +85,11 @@ impl Frame {
 /// Sixteen rays and what they have found. By axis where there are three.
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
-    /// Local origin.
+    /// Local origin, not rounded.
     pub(crate) origin: [Lanes; 3],
-    /// The origin as the lower planes of boxes see it, and as the upper ones do.
-    pub(crate) padded: [[Lanes; 2]; 3],
-    /// Those times the reciprocal.
+    /// How far the origin is moved for box tests.
+    pub(crate) pad: [Lanes; 3],
+    /// The origin as the lower planes of boxes see it, and as the upper ones do, times the reciprocal.
     pub(crate) offset: [[Lanes; 2]; 3],
     /// One over the local direction.
     pub(crate) reciprocal: [Lanes; 3],
@@ -108,8 +108,6 @@ pub(crate) struct Group {
     /// Of the reference test: the shear in double precision, and the given distance of a local unit along the dominant
     /// axis.
     pub(crate) factors: [WideLanes; 3],
-    /// Of the reference test: the origin, local, not rounded.
-    pub(crate) exact_origin: [WideLanes; 3],
     /// As given.
     pub(crate) tmin: Lanes,
     /// Distance of the best hit, else the given `tmax`.
@@ -140,7 +138,7 @@ const NONE: f32 = f32::from_bits(u32::MAX);
 impl Group {
     pub(crate) const EMPTY: Self = Self {
         origin: [Lanes::ZERO; 3],
-        padded: [[Lanes::ZERO; 2]; 3],
+        pad: [Lanes::ZERO; 3],
         offset: [[Lanes::ZERO; 2]; 3],
         reciprocal: [Lanes::ZERO; 3],
         begin: Lanes::ZERO,
@@ -150,7 +148,6 @@ impl Group {
         error: Lanes::ZERO,
         floor: Lanes::ZERO,
         factors: [WideLanes::ZERO; 3],
-        exact_origin: [WideLanes::ZERO; 3],
         tmin: Lanes::ZERO,
         t: Lanes::ZERO,
         u: Lanes::ZERO,
@@ -206,6 +203,9 @@ impl Group {
             let low = (level.splat(frame.bounds.min[axis]) - origin[axis]).abs();
             let high = (level.splat(frame.bounds.max[axis]) - origin[axis]).abs();
             reaches[axis] = low.greater(high);
+            // Powers of two are lossless factors above the subnormal numbers.
+            let normal = level.splat(f32::MIN_POSITIVE).not_above(origin[axis].abs());
+            ordinary &= normal | given[axis].abs().not_above(level.splat(0.0));
         }
         let reach = reaches[0].greater(reaches[1]).greater(reaches[2]).greater(level.splat(REACH[0]));
         ordinary &= level.splat(FACTOR[0]).not_above(factor);
@@ -221,8 +221,7 @@ impl Group {
             let reciprocal = level.splat(1.0) / local.abs().greater(level.splat(SMALLEST)).with_sign_of(local);
             let (lower, upper) = (o + pad, o - pad);
             o.store(&mut self.origin[axis]);
-            lower.store(&mut self.padded[axis][0]);
-            upper.store(&mut self.padded[axis][1]);
+            pad.store(&mut self.pad[axis]);
             (lower * reciprocal).store(&mut self.offset[axis][0]);
             (upper * reciprocal).store(&mut self.offset[axis][1]);
             reciprocal.store(&mut self.reciprocal[axis]);
@@ -248,10 +247,6 @@ impl Group {
             (sheared[0].half(half).widen() / depth).store(self.factors[0].half_mut(half));
             (sheared[1].half(half).widen() / depth).store(self.factors[1].half_mut(half));
             (level.splat_wide(frame.scale) / depth).store(self.factors[2].half_mut(half));
-            for (axis, given) in given.iter().enumerate() {
-                let exact = given.half(half).widen() * level.splat_wide(frame.unscale);
-                exact.store(self.exact_origin[axis].half_mut(half));
-            }
         }
         tmin.store(&mut self.tmin);
         tmax.store(&mut self.t);

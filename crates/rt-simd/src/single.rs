@@ -6,8 +6,9 @@ use crate::lanes::{Floats as _, Floats8 as _, LANES, Level, Slots as _};
 use crate::order::order;
 use crate::rays::{Frame, Group};
 use crate::stack::Stack;
-use crate::triangles::{AXES, may_be_hit, reference};
+use crate::triangles::{AXES, may_be_hit};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
+use rt_core::intersect::Shear;
 use rt_core::{Hit, Ray};
 
 /// What tests know of the ray.
@@ -79,6 +80,8 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
     let lane = lane % LANES;
     let mut ray = Single::of(group, lane);
     let bottom = stack.len();
+    // Made when the first triangle asks for it.
+    let mut shear = None;
     stack.push(ray.begin, child, 0);
     while stack.len() > bottom {
         let (entry, child, _) = stack.pop();
@@ -93,7 +96,8 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
                 while open != 0 {
                     let triangle = open.trailing_zeros() as usize;
                     open &= open - 1;
-                    if meets(frame, group, lane, given, block, triangle) {
+                    let shear = shear.get_or_insert_with(|| Shear::new(given, frame.scale_exponent, f64::INFINITY));
+                    if meets(shear, group, lane, given, block, triangle) {
                         if ANY {
                             stack.cut(bottom);
                             return;
@@ -109,12 +113,12 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
 
 /// The reference test; whether the triangle is the best hit so far, which is noted.
 #[inline(always)]
-pub(crate) fn meets(frame: &Frame, group: &mut Group, lane: usize, given: &Ray, block: &Block, place: usize) -> bool {
+pub(crate) fn meets(shear: &Shear, group: &mut Group, lane: usize, given: &Ray, block: &Block, place: usize) -> bool {
     let id = block.id(place);
     if group.excluded.0[lane].to_bits() == id {
         return false;
     }
-    match reference(frame, given, &block.triangle(place), id) {
+    match shear.hit(&block.triangle(place), [given.tmin, given.tmax], id) {
         Some(hit) if hit.is_before(&group.best(lane).unwrap_or(Hit::MISS)) => {
             group.put(lane, &hit);
             true

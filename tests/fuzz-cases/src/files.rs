@@ -1,15 +1,24 @@
-//! Files of users: OBJ scenes and NumPy rays.
+//! Files of users: scenes and NumPy rays.
 
 use glam::DVec3;
 use rt_bvh::{BuildOptions, InvalidTriangles, Mesh};
-use rt_scene::obj::{LoadOptions, load_obj_from, unwatched};
+use rt_scene::files::load_bytes;
+use rt_scene::obj::{LoadError, LoadOptions, Loaded, load_obj_from, unwatched};
 
 /// Loads the bytes as an OBJ file, which may name itself as its material file; what it accepts can be built.
 pub fn obj(data: &[u8]) {
+    let materials = |_: &str| Ok(data.to_vec());
+    load(&|options| load_obj_from(data, "fuzzed", options, &materials, &mut unwatched));
+}
+
+/// Loads the bytes as a file of any format; what it accepts can be built.
+pub fn scene_file(data: &[u8]) {
+    load(&|options| load_bytes(data.to_vec(), "fuzzed", options, &mut unwatched));
+}
+
+fn load(read: &dyn Fn(&LoadOptions) -> Result<Loaded, LoadError>) {
     for drop_invalid in [false, true] {
-        let options = LoadOptions { drop_invalid, ..LoadOptions::default() };
-        let materials = |_: &str| Ok(data.to_vec());
-        match load_obj_from(data, "fuzzed.obj", &options, &materials, &mut unwatched) {
+        match read(&LoadOptions { drop_invalid, ..LoadOptions::default() }) {
             Ok(loaded) => {
                 let model = &loaded.model;
                 let count = model.positions.len();
@@ -24,7 +33,7 @@ pub fn obj(data: &[u8]) {
             }
             Err(error) => {
                 let message = error.to_string();
-                assert!(message.contains("fuzzed.obj"), "the error does not name the file: {message}");
+                assert!(message.contains("fuzzed"), "the error does not name the file: {message}");
             }
         }
     }

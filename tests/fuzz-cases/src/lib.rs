@@ -11,7 +11,7 @@ mod geometry;
 mod predicates;
 mod scheduling;
 
-pub use files::{npy, obj};
+pub use files::{npy, obj, scene_file};
 pub use geometry::geometry;
 pub use predicates::predicates;
 pub use scheduling::scheduling;
@@ -20,5 +20,11 @@ pub use scheduling::scheduling;
 pub type Case = fn(&[u8]);
 
 /// All cases by the name of their program and their folder in the corpus.
-pub const CASES: &[(&str, Case)] =
-    &[("obj", obj), ("npy", npy), ("geometry", geometry), ("predicates", predicates), ("scheduling", scheduling)];
+pub const CASES: &[(&str, Case)] = &[
+    ("obj", obj),
+    ("scene_file", scene_file),
+    ("npy", npy),
+    ("geometry", geometry),
+    ("predicates", predicates),
+    ("scheduling", scheduling),
+];

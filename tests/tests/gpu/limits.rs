@@ -22,7 +22,15 @@ pub(crate) fn too_many_rays_are_refused_with_their_size(found: &Found) -> Result
     let mut tracer = found.device.tracer(Arc::clone(&scene), clock)?;
     let camera = Camera::look_at(glam::Vec3::Y, glam::Vec3::ZERO, glam::Vec3::X, 40.0)?;
     let rays = |samples| {
-        RaySource::Camera(Arc::new(CameraRays { camera, size: [1, 1], pixels: [0].into(), samples, seed: 1 }))
+        RaySource::Camera(Arc::new(CameraRays {
+            camera,
+            size: [1, 1],
+            pixels: [0].into(),
+            samples,
+            first_sample: 0,
+            all_samples: samples,
+            seed: 1,
+        }))
     };
     let error = tracer.load_rays(rays(1 << 30), StreamSpec::default());
     let sizes = [64_u64 << 30, card.binding].map(|size| size.to_string());

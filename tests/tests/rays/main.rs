@@ -108,7 +108,15 @@ fn car() -> Result<(Arc<Scene>, View), Failed> {
 
 fn camera(view: &View, size: [u32; 2], samples: u32) -> Result<Arc<CameraRays>, Failed> {
     let pixels = morton::pixel_order(size[0], size[1]).into();
-    Ok(Arc::new(CameraRays { camera: view.camera()?, size, pixels, samples, seed: 3 }))
+    Ok(Arc::new(CameraRays {
+        camera: view.camera()?,
+        size,
+        pixels,
+        samples,
+        first_sample: 0,
+        all_samples: samples,
+        seed: 3,
+    }))
 }
 
 fn load(device: &dyn GpuDevice, rays: &Arc<CameraRays>, spec: StreamSpec) -> Result<Box<dyn Tracer>, Failed> {

@@ -61,7 +61,7 @@ fn camera_rays() -> Option<Vec<Ray>> {
     let middle = Vec3::new(SQUARES as f32 / 2.0, 0.0, SQUARES as f32 / 2.0);
     let camera = Camera::look_at(black_box(Vec3::new(-3.0, 5.0, -2.0)), middle, Vec3::Y, 60.0).ok()?;
     let pixels: Arc<[u32]> = morton::pixel_order(SIZE, SIZE).into();
-    let rays = CameraRays { camera, size: [SIZE; 2], pixels, samples: 2, seed: 7 };
+    let rays = CameraRays { camera, size: [SIZE; 2], pixels, samples: 2, first_sample: 0, all_samples: 2, seed: 7 };
     Some((0..rays.len()).map(|index| rays.ray(index)).collect())
 }
 

@@ -156,6 +156,14 @@ impl Block {
         self.axes[lane / 2 % 2].ids[lane % 2]
     }
 
+    /// The primitive ids of all lanes.
+    #[inline(always)]
+    #[must_use]
+    pub const fn ids(&self) -> [u32; BLOCK] {
+        let [[a, b], [c, d]] = [self.axes[0].ids, self.axes[1].ids];
+        [a, b, c, d]
+    }
+
     /// The triangle in a lane below 4.
     #[must_use]
     pub fn triangle(&self, lane: usize) -> Triangle {

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(crate) struct BenchArgs {
-    /// yard, car, or OBJ files (a cameras.tsv beside them is used) [default: yard car]
+    /// yard, car, or files (OBJ, PLY, STL, glTF) (a cameras.tsv beside them is used) [default: yard car]
     pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(crate) struct Figure1Args {
-    /// yard, car, or OBJ files
+    /// yard, car, or files (OBJ, PLY, STL, glTF)
     #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]

@@ -47,6 +47,10 @@ pub(super) fn parse_point(text: &str) -> Result<DVec3, String> {
     }
 }
 
+pub(super) fn parse_degrees(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|degrees: &f32| degrees.is_finite()).ok_or_else(|| "write it as a number".to_owned())
+}
+
 pub(super) fn parse_vec3(text: &str) -> Result<Vec3, String> {
     let vector = parse_point(text)?.as_vec3();
     if vector.is_finite() { Ok(vector) } else { Err("write it as three numbers up to 3e38".to_owned()) }
@@ -81,6 +85,8 @@ mod tests {
         assert!(parse_vec3("1,2").is_err() && parse_vec3("1,2,nan").is_err() && parse_vec3("1,2,1e39").is_err());
         assert_eq!(parse_point("500000.05, 5412345.312,1e39"), Ok(DVec3::new(500_000.05, 5_412_345.312, 1e39)));
         assert_eq!(parse_bytes("2G"), Ok(2 << 30));
+        assert_eq!(parse_degrees("-90"), Ok(-90.0));
+        assert!(["nan", "inf", "far"].iter().all(|text| parse_degrees(text).is_err()));
         assert!(parse_bytes("1K").is_err() && parse_bytes("lots").is_err());
     }
 }

@@ -1,15 +1,16 @@
 //! Options of `raybalance render`.
 
 use super::heading;
-use super::parse::{parse_bytes, parse_fov, parse_point, parse_size, parse_vec3};
+use super::parse::{parse_bytes, parse_degrees, parse_fov, parse_point, parse_seconds, parse_size, parse_vec3};
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
+use std::time::Duration;
 
 #[derive(Debug, Parser)]
 pub(crate) struct RenderArgs {
-    /// yard, car, or an OBJ file [default: yard]
+    /// yard, car, or a file (OBJ, PLY, STL, glTF) [default: yard]
     pub(crate) scene: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
@@ -23,14 +24,22 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, default_value_t = 16,
           value_parser = clap::value_parser!(u32).range(1..=4096))]
     pub(crate) spp: u32,
+    /// Seconds from the start after which the picture is to be there, with as many of --spp as fit, at least one
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_seconds, value_name = "SECONDS",
+          conflicts_with_all = ["frames", "reference", "checkpoint"])]
+    pub(crate) time: Option<Duration>,
     /// Diffuse bounces
     #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
           value_parser = clap::value_parser!(u32).range(0..=16))]
     pub(crate) bounces: u32,
-    /// Frames of a slow orbit about the target
+    /// Frames of an orbit about the target
     #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
           value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub(crate) frames: u32,
+    /// Degrees that the frames together turn; with 360 they can be played for ever [default: one for each frame]
+    #[arg(long, help_heading = heading::PICTURE, value_parser = parse_degrees, allow_hyphen_values = true,
+          value_name = "DEGREES", requires = "frames")]
+    pub(crate) orbit: Option<f32>,
     /// Camera position in the coordinates of the file, such as 1,1.5,4
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true,
           value_name = "X,Y,Z")]

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, Args)]
 pub(crate) struct TraceArgs {
-    /// yard, car, or an OBJ file
+    /// yard, car, or a file (OBJ, PLY, STL, glTF)
     pub(crate) scene: PathBuf,
     #[command(flatten)]
     pub(crate) source: SceneArgs,

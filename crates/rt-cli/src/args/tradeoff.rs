@@ -30,7 +30,7 @@ pub(crate) enum TradeArg {
 
 #[derive(Clone, Debug, Args)]
 pub(crate) struct TradeArgs {
-    /// yard, car, or OBJ files
+    /// yard, car, or files (OBJ, PLY, STL, glTF)
     #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     #[command(flatten)]
@@ -65,7 +65,7 @@ pub(crate) struct TradeArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct PrecisionTradeoffArgs {
-    /// yard, car, or OBJ files [default: yard car]
+    /// yard, car, or files (OBJ, PLY, STL, glTF) [default: yard car]
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, help_heading = heading::DEVICES, visible_aliases = ["devices", "device"], value_name = "LIST",

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_help = format!("{}; here 1 is also that some promise did not hold.", Exit::HELP))]
 pub(crate) struct VerifyArgs {
-    /// Scenes beside the suite's own meshes: yard, car, or OBJ files [default: yard car]
+    /// Scenes beside the suite's own meshes: yard, car, or files (OBJ, PLY, STL, glTF) [default: yard car]
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, value_name = "LIST", default_value = "cpu", value_parser = parse_devices)]

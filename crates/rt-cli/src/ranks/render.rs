@@ -3,16 +3,17 @@
 use super::{Ranks, explained, print, warn};
 use crate::args::RenderArgs;
 use crate::memory::{self, BYTES_PER_PATH, Room};
-use crate::render::{self, Stage};
-use crate::report::{Report, SCHEMA};
+use crate::render::{self, Pictures, Stage};
+use crate::report::{CameraReport, Report, SCHEMA};
 use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
 use rt_cluster::{Checkpoint, Deal, Finished, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
-use rt_render::{Film, Session};
-use rt_report::Provenance;
+use rt_render::{Film, Session, Traced};
+use rt_report::headline::Headline;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
+use rt_report::{Provenance, terminal};
 use rt_scene::streams::Waves;
 use std::io::{self, Write};
 use std::time::Instant;
@@ -27,6 +28,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     if args.reference {
         bail!(usage("--reference measures the devices of one process: leave it out where several work together"));
     }
+    if args.time.is_some() {
+        bail!(usage("--time is for one process: leave it out where several work together"));
+    }
     let is_first = ranks.rank() == 0;
     scene::check([render::scene_of(args)])?;
     let outputs = is_first.then(|| render::outputs(args, &["report.json"]));
@@ -34,15 +38,18 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let tiles = cut(args, ranks)?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, outputs.as_ref())?;
-    let mut session = Session { balancer, scheduling, runs: Vec::new(), show: &|_, _| {} };
+    let mut streams = Vec::new();
+    let mut record = |traced: Traced<'_>| streams.push(traced.run.report);
+    let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
     let scene = fingerprint_of_scene(&renderer);
-    let mut film = Film::new(if is_first { args.size } else { [1, 1] }, args.spp)?;
+    let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
+    let mut pictures = Pictures::new(args);
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
     let mut transport = ranks.transport();
     for frame in 0..args.frames {
-        let paths = render::paths(&renderer, &first, frame)?;
+        let paths = render::paths(args, &renderer, &first, frame)?;
         let count = u32::try_from(tiles.count())?;
         let about = Deal {
             round: frame,
@@ -79,24 +86,25 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         if let Some(report) = dealt.report {
             warn(&report);
             seconds.trace += report.makespan_s;
-            let begin = Instant::now();
-            render::write_picture(args, frame, &film)?;
-            seconds.write += begin.elapsed().as_secs_f64();
+            pictures.write(&film, frame, args.spp)?;
             reports.push(report);
         }
     }
     drop(transport);
     interrupt::check()?;
     if is_first {
+        seconds.write += pictures.seconds;
         seconds.total = start.elapsed().as_secs_f64();
-        let Session { scheduling, runs, .. } = session;
+        let Session { scheduling, .. } = session;
         let report = Report {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
+            picture: Some(pictures.report(args, CameraReport::of(&first, described.offset.into()))),
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
-            streams: runs.into_iter().map(|run| run.report).collect(),
+            streams,
+            headline: Headline::of_processes(&reports),
             cluster: reports,
             seconds,
         };
@@ -104,10 +112,12 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         if args.json {
             writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
         } else {
-            render::print_scene(&report)?;
+            let width = terminal::columns();
+            write!(Stdout, "{}", terminal::scene(&report, width))?;
             print(&report.cluster)?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
             writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;
+            write!(Stdout, "\n{}", terminal::headline(&report, width))?;
         }
     }
     Ok(is_complete)

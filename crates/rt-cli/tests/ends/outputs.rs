@@ -141,7 +141,7 @@ fn a_page_stays_small() {
     let page = fs::read_to_string(folder.at("out/report.html")).unwrap();
     assert!(page.len() < rt_report::html::LARGEST, "{}", page.len());
     assert!(page.contains("Scaled to 1/2") && page.contains("href=\"image.png\""));
-    assert!(page.contains("75,000 tasks are more than fit this page"));
+    assert!(page.contains("75,000 tasks of primary rays are more than fit this page"));
 }
 
 /// Every file of results says where it comes from.

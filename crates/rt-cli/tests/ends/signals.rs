@@ -150,3 +150,39 @@ fn what_a_signal_finds_half_written_is_removed() {
     }
     assert!(seen_writing > 0, "it was never caught writing");
 }
+
+/// What was whole when the signal came is kept and said. On a busy machine the process may be ended from outside before
+/// it has said so: then it is tried again.
+///
+/// Mutants: a picture of a pass that is not whole; nothing said; exit code 1.
+#[test]
+fn passes_that_are_whole_are_kept() {
+    const TRIES: u32 = 20;
+    for _ in 0..TRIES {
+        let folder = Folder::new();
+        let words = "render yard --size 320x200 --spp 4096 --devices cpu:1 --out out";
+        let mut command = folder.raybalance();
+        command.args(words.split_whitespace());
+        let mut child = command.stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let picture = folder.at("out/image.png");
+        let begin = Instant::now();
+        while !picture.exists() && begin.elapsed() < LIMIT {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        assert!(picture.exists(), "no pass in time");
+        send(&child, SIGINT);
+        let told = std::io::read_to_string(child.stderr.take().unwrap()).unwrap();
+        assert_eq!(wait(child, "render").code(), Some(130), "{told}");
+        let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(&picture).unwrap()));
+        assert_eq!(decoder.read_info().unwrap().info().width, 320);
+        assert_eq!(partial_files(&folder.at("")), [""; 0]);
+        if let Ok(report) = fs::read(folder.at("out/report.json")) {
+            let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+            let samples = report["picture"]["samples"].as_u64().unwrap();
+            assert!((1..4096).contains(&samples), "{samples}");
+            assert!(told.contains(&format!("image.png has {samples} of 4096 samples of each pixel")), "{told}");
+            return;
+        }
+    }
+    panic!("no report in {TRIES} tries");
+}

@@ -51,7 +51,7 @@ const WARMING: u32 = 2;
 #[derive(Debug, Parser)]
 #[command(after_help = Exit::HELP)]
 struct Options {
-    /// Built-in scenes (yard, car) or OBJ files
+    /// Built-in scenes (yard, car) or files (OBJ, PLY, STL, glTF)
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<PathBuf>,
     /// Size of the picture in pixels

@@ -4,7 +4,7 @@
 //! |----------------|-----------------------|-------|
 //! | `timeline.svg` | [`timeline::write_svg`] | every device's launches and pauses |
 //! | `trace.json`   | [`trace::write_json`]   | the same, to zoom into (Perfetto, `chrome://tracing`) |
-//! | `cost.png`     | [`cost::CostMap`]       | estimated beside measured cost, pixel by pixel |
+//! | `cost.png`     | [`cost::write_png`]     | estimated beside measured cost of each kind of rays |
 //! | `figure1.svg`, `.png` | [`figure1::write`] | tracing time against task size, as in the paper |
 //! | `sampling-*.svg`, `build-*.svg` | [`front::to_svg`] | what one quantity costs in another |
 //! | `report.html` (part) | [`scatter::to_svg`] | estimated against measured time, task by task |
@@ -18,7 +18,7 @@ pub mod figure1;
 pub mod front;
 pub mod precision;
 #[cfg(test)]
-mod samples;
+pub(crate) mod samples;
 mod scale;
 pub mod scatter;
 mod sheet;

@@ -1,9 +1,9 @@
-//! Made-up runs for the tests of this module.
+//! Made-up runs for tests.
 
 use rt_balance::report::{Activity, ActivityKind, DeviceReport, EstimateReport, StreamReport, StreamRun};
 use rt_core::StreamKind;
 
-pub(super) fn launch(device: usize, start_s: f64, end_s: f64) -> Activity {
+pub(crate) fn launch(device: usize, start_s: f64, end_s: f64) -> Activity {
     Activity {
         device,
         kind: ActivityKind::Launch,
@@ -15,7 +15,7 @@ pub(super) fn launch(device: usize, start_s: f64, end_s: f64) -> Activity {
     }
 }
 
-pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
+pub(crate) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
     let device = DeviceReport {
         name: "a <device>".to_owned(),
         backend: "cpu".to_owned(),
@@ -32,6 +32,7 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
     };
     let estimate = EstimateReport {
         estimator: "strided".to_owned(),
+        chosen: "strided".to_owned(),
         fraction: 0.01,
         seconds: 0.1,
         overhead: Some(0.05),
@@ -64,5 +65,6 @@ pub(super) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         device_of: Vec::new(),
         activities,
         reference_s: None,
+        unused: None,
     }
 }

@@ -71,11 +71,11 @@ impl Panel {
     fn summary(&self, tasks: &[[f64; 2]]) -> String {
         let [estimated, measured] = [0, 1].map(|i| tasks.iter().map(|task| task[i]).collect::<Vec<f64>>());
         let Some(errors) = EstimateErrors::new(&estimated, &measured) else {
-            return "no task whose own time is known".to_owned();
+            return "no task of which both are known".to_owned();
         };
         let percent = |share: f64| significant(100.0 * share);
         format!(
-            "{} tasks, mean error {} %, 95th percentile {} %",
+            "{} tasks; error against the measured time: mean {} %, 95th percentile {} %",
             errors.tasks,
             percent(errors.mean_relative),
             percent(errors.p95)
@@ -93,14 +93,18 @@ mod tests {
         let svg = to_svg(&[Panel { title: "<a>".to_owned(), tasks }]).unwrap();
         assert!((500..=MOST_DOTS).contains(&svg.matches("<circle").count()));
         // After one scale the estimates are right.
-        assert!(svg.contains("19999 tasks, mean error 0.00 %") && svg.contains("&lt;a&gt;"), "{}", &svg[..900]);
+        assert!(
+            svg.contains("19999 tasks; error against the measured time: mean 0.00 %") && svg.contains("&lt;a&gt;"),
+            "{}",
+            &svg[..900]
+        );
     }
 
     #[test]
     fn unknown_times_are_left_out() {
         let tasks = vec![[1.0, f64::NAN], [f64::INFINITY, 1.0], [0.0, 0.0], [-1.0, 1.0]];
         let svg = to_svg(&[Panel { title: String::new(), tasks }]).unwrap();
-        assert!(svg.contains("no task whose own time") && !svg.contains("<circle"));
+        assert!(svg.contains("no task of which both") && !svg.contains("<circle"));
         assert!(to_svg(&[]).is_err());
     }
 }

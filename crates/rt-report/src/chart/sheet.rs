@@ -38,7 +38,7 @@ pub(super) type Place = (f64, f64);
 
 /// Something drawn.
 enum Shape {
-    Rectangle { from: Place, to: Place, color: Rgb },
+    Rectangle { from: Place, to: Place, color: Rgb, tip: String },
     Line { points: Vec<Place>, width: f64, color: Rgb },
     Polygon { corners: Vec<Place>, color: Rgb },
     Dot { at: Place, radius: f64, color: Rgb },
@@ -86,7 +86,12 @@ impl Sheet {
     }
 
     pub(super) fn rectangle(&mut self, from: Place, to: Place, color: Rgb) {
-        self.shapes.push(Shape::Rectangle { from, to, color });
+        self.tipped(from, to, color, String::new());
+    }
+
+    /// A rectangle that says something when it is pointed at; without effect in PNG.
+    pub(super) fn tipped(&mut self, from: Place, to: Place, color: Rgb, tip: String) {
+        self.shapes.push(Shape::Rectangle { from, to, color, tip });
     }
 
     pub(super) fn line(&mut self, points: impl Into<Vec<Place>>, width: f64, color: Rgb) {
@@ -130,8 +135,8 @@ pub(super) fn text_room(text: &str, size: f64) -> f64 {
 impl Shape {
     fn to_svg(&self, svg: &mut Svg) {
         match self {
-            Self::Rectangle { from, to, color } => {
-                svg.rectangle(*from, (to.0.max(from.0 + NARROWEST), to.1), *color);
+            Self::Rectangle { from, to, color, tip } => {
+                svg.tipped(*from, (to.0.max(from.0 + NARROWEST), to.1), *color, tip);
             }
             Self::Line { points, width, color } => svg.polyline(points, *width, *color),
             Self::Polygon { corners, color } => {
@@ -147,7 +152,7 @@ impl Shape {
     fn to_canvas(&self, canvas: &mut Canvas) {
         let place = |at: &Place| [at.0 * PNG_SCALE, at.1 * PNG_SCALE];
         match self {
-            Self::Rectangle { from, to, color } => canvas.cover(place(from), place(to), *color),
+            Self::Rectangle { from, to, color, .. } => canvas.cover(place(from), place(to), *color),
             Self::Line { points, width, color } => {
                 for pair in points.windows(2) {
                     canvas.stroke(place(&pair[0]), place(&pair[1]), width * PNG_SCALE, *color);

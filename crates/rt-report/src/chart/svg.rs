@@ -22,11 +22,20 @@ impl Svg {
         svg
     }
 
-    pub(super) fn rectangle(&mut self, from: Place, to: Place, color: Rgb) {
+    fn rectangle(&mut self, from: Place, to: Place, color: Rgb) {
+        self.tipped(from, to, color, "");
+    }
+
+    /// A rectangle that browsers explain when it is pointed at.
+    pub(super) fn tipped(&mut self, from: Place, to: Place, color: Rgb, tip: &str) {
         let [x, y] = [from.0.min(to.0), from.1.min(to.1)].map(number);
         let [width, height] = [(to.0 - from.0).abs(), (to.1 - from.1).abs()].map(number);
         let fill = hex(color);
-        self.line(format_args!("<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\"/>"));
+        let rect = format!("<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" fill=\"{fill}\"");
+        match tip {
+            "" => self.line(format_args!("{rect}/>")),
+            tip => self.line(format_args!("{rect}><title>{}</title></rect>", escaped(tip))),
+        }
     }
 
     pub(super) fn polyline(&mut self, points: &[Place], width: f64, color: Rgb) {
@@ -99,11 +108,13 @@ mod tests {
     fn elements_are_well_formed() {
         let mut svg = Svg::new(60.0, 40.5, [0xff; 3]);
         svg.rectangle((20.0, 1.0), (1.004, 20.0), [0, 0x72, 0xb2]);
+        svg.tipped((0.0, 0.0), (1.0, 1.0), [0; 3], "1 < 2");
         svg.polyline(&[(0.0, -0.001), (f64::NAN, f64::INFINITY)], 1.5, [0x22; 3]);
         svg.text("a < \"b\"", (1.0, 2.0), &Look { bold: true, align: Align::Right, ..Look::default() });
         let text = svg.finish();
         assert!(text.starts_with("<svg width=\"60\" height=\"40.5\" viewBox=\"0 0 60 40.5\" xmlns="));
         assert!(text.contains("<rect x=\"1\" y=\"1\" width=\"19\" height=\"19\" fill=\"#0072B2\"/>"), "{text}");
+        assert!(text.contains("<title>1 &lt; 2</title></rect>"), "{text}");
         assert!(text.contains("points=\"0,0 0,0\"") && !text.contains("NaN") && !text.contains("inf"), "{text}");
         assert!(text.contains("text-anchor=\"end\"") && text.contains("font-weight=\"bold\""));
         assert!(text.contains(">a &lt; &quot;b&quot;</text>\n</svg>\n"), "{text}");

@@ -171,7 +171,7 @@ impl<'a> Panel<'a> {
         let middle = f64::midpoint(top, bottom);
         sheet.rectangle((LEFT, top), (RIGHT, bottom), IDLE);
         for block in blocks(bars, |seconds| self.x(seconds)) {
-            sheet.rectangle((block.left, top), (block.right, bottom), block.color);
+            sheet.tipped((block.left, top), (block.right, bottom), block.color, block.tip);
         }
         if self.row < READABLE_ROW {
             return;
@@ -212,6 +212,8 @@ struct Block {
     left: f64,
     right: f64,
     color: Rgb,
+    /// What it stands for.
+    tip: String,
 }
 
 /// Turns bars in order of time into rectangles.
@@ -236,10 +238,28 @@ fn blocks(bars: &[Bar<'_>], x: impl Fn(f64) -> f64) -> Vec<Block> {
                 mixed(IDLE, mixed(LAUNCH[0], LAUNCH[1], 0.5), (busy / (right - left)).clamp(0.0, 1.0))
             }
         };
-        blocks.push(Block { left, right, color });
+        blocks.push(Block { left, right, color, tip: tip(group) });
         index = end;
     }
     blocks
+}
+
+/// What some bars stand for, in words.
+fn tip(bars: &[Bar<'_>]) -> String {
+    let seconds: f64 = bars.iter().map(|bar| bar.end_s - bar.start_s).sum();
+    let tasks: usize = bars.iter().map(|bar| bar.activity.tasks.len()).sum();
+    let rays: u64 = bars.iter().map(|bar| u64::from(bar.activity.rays)).sum();
+    let (took, rays) = (duration(seconds), grouped(rays));
+    let tasks = format!("{tasks} task{}", if tasks == 1 { "" } else { "s" });
+    match bars {
+        [bar] if bar.activity.kind == ActivityKind::Estimate => format!("estimation: {rays} rays walked in {took}"),
+        [bar] => {
+            let predicted =
+                bar.activity.predicted_s.map_or_else(String::new, |s| format!(", predicted {}", duration(s)));
+            format!("launch of {tasks}, {rays} rays: {took}{predicted}")
+        }
+        _ => format!("{} launches of {tasks}, {rays} rays: {took}", bars.len()),
+    }
 }
 
 fn mixed(a: Rgb, b: Rgb, share_of_b: f64) -> Rgb {
@@ -269,6 +289,10 @@ mod tests {
         assert!(svg.contains("width=\"1200\""));
         assert!(svg.contains("a &lt;device&gt;"));
         assert!(svg.contains("imbalance 1.00 %"));
+        assert!(
+            svg.contains("<title>launch of 1 task, 1\u{2009}024 rays: 2000 ms, predicted 2000 ms</title>"),
+            "{svg}"
+        );
     }
 
     #[test]

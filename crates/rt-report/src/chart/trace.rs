@@ -1,7 +1,7 @@
 //! `trace.json`: a run as Chrome trace events, which Perfetto (<https://ui.perfetto.dev>) opens.
 //!
 //! Format: *Trace Event Format* (Google, 2016), complete events `"X"` and metadata events `"M"`. One process per node,
-//! one thread per device, and one more for the streams.
+//! one thread per device, and one more for the frames, in which the streams are.
 
 use super::bars;
 use crate::output::write_atomically;
@@ -32,17 +32,37 @@ pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> R
 
 fn events(runs: &[StreamRun]) -> impl Iterator<Item = Value> {
     let devices = runs.iter().map(|run| bars::rows(run).len()).max().unwrap_or(0);
-    names(runs, devices).into_iter().chain(runs.iter().flat_map(move |run| {
-        let (start, end) = bars::extent(run);
+    let spans = spans(runs);
+    let frames: Vec<Value> = spans
+        .chunk_by(|a, b| a.2.report.frame == b.2.report.frame)
+        .map(|frame| {
+            let (first, last) = (&frame[0], &frame[frame.len() - 1]);
+            let number = first.2.report.frame;
+            complete(&format!("frame {number}"), "frame", devices, first.0, last.1, json!({"frame": number}))
+        })
+        .collect();
+    let streams = spans.into_iter().flat_map(move |(start, end, run)| {
         let report = &run.report;
         let args = json!({
             "frame": report.frame, "wave": report.wave, "rays": report.rays, "tasks": report.tasks,
             "makespan_s": report.makespan_s, "imbalance": report.imbalance, "excess": report.excess,
             "estimator": report.estimate.estimator, "estimate_s": report.estimate.seconds,
         });
-        let stream = complete(&report.kind, "stream", devices, start, end, args);
-        std::iter::once(stream).chain(activities(run))
-    }))
+        std::iter::once(complete(&report.kind, "stream", devices, start, end, args)).chain(activities(run))
+    });
+    names(runs, devices).into_iter().chain(frames).chain(streams)
+}
+
+/// When each stream began and ended. None begins before the last one has ended: viewers nest what overlaps.
+fn spans(runs: &[StreamRun]) -> Vec<(f64, f64, &StreamRun)> {
+    let mut reached = f64::NEG_INFINITY;
+    let span = |run| {
+        let (start, end) = bars::extent(run);
+        let start = start.max(reached);
+        reached = end.max(start);
+        (start, reached, run)
+    };
+    runs.iter().map(span).collect()
 }
 
 fn activities(run: &StreamRun) -> impl Iterator<Item = Value> {
@@ -107,6 +127,29 @@ mod tests {
         assert_eq!(launches[1]["args"]["measured_s"], 1.5);
         let threads = events.iter().filter(|event| event["name"] == "thread_name").count();
         assert_eq!(threads, 3, "two devices and the streams");
+    }
+
+    /// Mutants: a stream that begins while the one before it is still shown; a frame that ends before its last stream.
+    #[test]
+    fn streams_follow_each_other_within_their_frames() {
+        let early = |frame: u32, start: f64, end: f64| {
+            let mut run = run(1, vec![launch(0, start, end)]);
+            run.report.frame = frame;
+            // More than its launches: the makespan counts from before the estimation.
+            run.report.makespan_s = end - start + 0.5;
+            run
+        };
+        let runs = [early(0, 1.0, 2.0), early(0, 2.1, 3.0), early(1, 3.1, 4.0)];
+        let events: Vec<Value> = events(&runs).collect();
+        let slices = |category: &str| {
+            let of = events.iter().filter(|event| event["cat"] == category);
+            of.map(|event| [&event["ts"], &event["dur"]].map(|us| us.as_f64().unwrap() / 1e6)).collect::<Vec<_>>()
+        };
+        let streams = slices("stream");
+        assert_eq!(streams[0], [0.5, 1.5]);
+        assert!(streams.windows(2).all(|pair| pair[1][0] >= pair[0][0] + pair[0][1]), "{streams:?}");
+        assert_eq!(slices("frame").len(), 2);
+        assert_eq!(slices("frame")[0], [0.5, 2.5]);
     }
 
     #[test]

@@ -1,117 +1,112 @@
-//! The cost maps of a page: estimated beside measured time of every task, read out under the pointer.
+//! A cost map of a page: estimated beside measured time of every task, read out under the pointer.
 
 use super::{Page, escaped};
-use crate::chart::cost::{CostMap, scaled_estimate};
+use crate::chart::cost::{CostMap, Origin, TaskCost};
 use crate::chart::duration;
-use rt_balance::report::StreamRun;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
-
-/// Share of the tasks that the colours tell apart, without a unit; the most expensive ones share the last colour.
-const SHOWN_SHARE: f64 = 0.995;
 
 /// Colours of the scale: as many as eight bits tell apart.
 const COLOURS: u32 = 256;
 
-/// The primary rays of one picture.
-pub(super) struct Costs<'a> {
-    /// Which task is where.
-    pub(super) map: &'a CostMap,
-    /// One for each wave, in the order in which they were added to the map.
-    pub(super) runs: Vec<&'a StreamRun>,
-}
-
-impl Costs<'_> {
-    /// How many there are.
-    pub(super) fn tasks(&self) -> usize {
-        self.runs.iter().map(|run| run.tasks.len()).sum()
+/// Adds the map to a page.
+pub(super) fn add(page: &mut Page, map: &CostMap) {
+    let [width, height] = map.size();
+    let (origin, kind, means, top) = (map.origin(), escaped(map.kind()), map.means(), map.top());
+    // A `<` could end the script's element.
+    let data = data(map, top.cost).to_string().replace('<', "\\u003c");
+    let mut markup = format!("<div class=\"cost\"><h3>{kind} rays</h3>");
+    if let Some(reason) = map.why_not() {
+        let _ = write!(markup, "<p>{}</p>", escaped(&reason));
     }
-
-    /// Adds the maps to a page.
-    pub(super) fn add_to(&self, page: &mut Page) {
-        let [width, height] = self.map.size();
-        let (data, top_ns) = self.data();
-        // A `<` could end the script's element.
-        let data = data.to_string().replace('<', "\\u003c");
-        let mut markup = String::from("<div class=\"cost\"><div class=\"maps\">");
-        for (name, values) in [("estimated", "estimated_ns"), ("measured", "measured_ns")] {
-            let _ = write!(
-                markup,
-                "<div><h3>{name}</h3><canvas width=\"{width}\" height=\"{height}\" data-values=\"{values}\" \
-                 tabindex=\"0\" role=\"img\" aria-label=\"Map of the {name} time of every task, one task per patch; \
-                 arrow keys go from task to task\"></canvas></div>"
-            );
-        }
-        let top = escaped(&duration(top_ns * 1e-9));
+    if map.is_normalised() {
+        markup.push_str(
+            "<p>Seconds of different devices are not comparable: colours show what a device of mean speed would have \
+             taken.</p>",
+        );
+    }
+    markup.push_str("<div class=\"maps\">");
+    let is_estimated = origin != Origin::Nowhere;
+    let estimated = is_estimated.then_some((CostMap::name_of_estimate(origin), "estimated_ns", means.estimated));
+    for (name, values, mean) in estimated.into_iter().chain([("measured", "measured_ns", means.measured)]) {
+        let mean = mean.map_or_else(String::new, |ns| format!(", mean {} per ray", escaped(&duration(ns * 1e-9))));
         let _ = write!(
             markup,
-            "</div><p class=\"scale\">0 <canvas width=\"{COLOURS}\" height=\"1\" role=\"img\" \
-             aria-label=\"Colour scale from 0 to {top} per ray\"></canvas> {top} per ray or more; grey: unknown</p>\
-             <div class=\"readout\" aria-live=\"polite\"><dl>"
+            "<div><h4>{name}{mean}</h4><canvas width=\"{width}\" height=\"{height}\" data-values=\"{values}\" \
+             tabindex=\"0\" role=\"img\" aria-label=\"Map of the time of every task of {kind} rays, {name}, one task \
+             per patch; arrow keys go from task to task\"></canvas></div>"
         );
-        for name in ["task", "rays", "estimated tests", "estimated time", "measured time", "device"] {
-            let _ = write!(markup, "<div><dt>{name}</dt><dd data-field=\"{name}\">–</dd></div>");
-        }
-        let _ = writeln!(markup, "</dl></div><script type=\"application/json\">{data}</script></div>");
-        page.markup(&markup);
     }
+    let end = escaped(&duration(top.cost * 1e-9));
+    let _ = write!(
+        markup,
+        "</div><p class=\"scale\">0 <canvas width=\"{COLOURS}\" height=\"1\" role=\"img\" \
+         aria-label=\"Colour scale from 0 to {end} per ray\"></canvas> {end} per ray or more; hatched: unknown; \
+         blank: no such rays</p><div class=\"readout\" aria-live=\"polite\"><dl>"
+    );
+    let not_used = if origin == Origin::NotUsed { " (not used)" } else { "" };
+    let fields: &[(&str, &str)] = if is_estimated {
+        &[
+            ("task", ""),
+            ("rays", ""),
+            ("estimated tests", not_used),
+            ("estimated time", not_used),
+            ("measured time", ""),
+            ("device", ""),
+        ]
+    } else {
+        &[("task", ""), ("rays", ""), ("measured time", ""), ("device", "")]
+    };
+    for (name, more) in fields {
+        let _ = write!(markup, "<div><dt>{name}{more}</dt><dd data-field=\"{name}\">–</dd></div>");
+    }
+    let _ = writeln!(markup, "</dl></div><script type=\"application/json\">{data}</script></div>");
+    page.markup(&markup);
+}
 
-    /// What the page's script needs, and the cost of the last colour in nanoseconds per ray.
-    fn data(&self) -> (Value, f64) {
-        let [width, height] = self.map.size();
-        let task_of: Vec<u32> = self.map.tasks().collect();
-        let mut first = 0;
-        let first_of = |run: &&StreamRun| {
-            let own = first;
-            first += run.tasks.len();
-            own
-        };
-        let waves: Vec<usize> = self.runs.iter().map(first_of).collect();
-        let runs = || self.runs.iter();
-        let estimated: Vec<f64> = runs().flat_map(|run| scaled_estimate(run)).collect();
-        let measured: Vec<f64> = runs().flat_map(|run| run.measured_s.iter().copied()).collect();
-        let left: Vec<u32> =
-            runs().flat_map(|run| run.tasks.iter().zip(&run.kept).map(|(task, kept)| task.rays - kept)).collect();
-        let top_ns = top(&left, &[&estimated, &measured]);
-        let colour = |i: u32| {
-            let colorous::Color { r, g, b } = colorous::VIRIDIS.eval_continuous(f64::from(i) / f64::from(COLOURS - 1));
-            format!("{r:02x}{g:02x}{b:02x}")
-        };
-        let devices = runs().next().map(|run| run.report.devices.iter().map(|d| d.name.clone()).collect::<Vec<_>>());
-        let data = json!({
-            "width": width, "height": height, "top_ns": top_ns, "waves": waves,
-            "colours": (0..COLOURS).map(colour).collect::<String>(),
-            "devices": devices.unwrap_or_default(),
-            "rows": rows(&task_of, width as usize),
-            "tasks": {
-                "rays": runs().flat_map(|run| run.tasks.iter().map(|t| t.rays)).collect::<Vec<_>>(),
-                "kept": runs().flat_map(|run| run.kept.iter().copied()).collect::<Vec<_>>(),
-                "tests": runs().flat_map(|run| run.work.iter().map(|w| short(w.tests().into()))).collect::<Vec<_>>(),
-                "std_error": runs()
-                    .flat_map(|run| run.work.iter().map(|w| w.std_error().map(|e| short(e.into()))))
-                    .collect::<Vec<_>>(),
-                "estimated_ns": estimated.iter().map(|s| short(s * 1e9)).collect::<Vec<_>>(),
-                "measured_ns": measured.iter().map(|s| short(s * 1e9)).collect::<Vec<_>>(),
-                "device": runs().flat_map(|run| run.device_of.iter().copied()).collect::<Vec<_>>(),
-            },
-        });
-        (data, top_ns)
-    }
+/// What the page's script needs; `top_ns` is the cost of the last colour in nanoseconds per ray.
+fn data(map: &CostMap, top_ns: f64) -> Value {
+    let [width, height] = map.size();
+    let colour = |i: u32| {
+        let colorous::Color { r, g, b } = colorous::VIRIDIS.eval_continuous(f64::from(i) / f64::from(COLOURS - 1));
+        format!("{r:02x}{g:02x}{b:02x}")
+    };
+    let tasks = map.tasks();
+    let list = |value: fn(&TaskCost) -> Value| tasks.iter().map(value).collect::<Vec<_>>();
+    let factors = |factors: &[f64]| factors.iter().map(|&factor| short(factor)).collect::<Vec<_>>();
+    json!({
+        "width": width, "height": height, "top_ns": top_ns,
+        "waves": map.waves().map(|(first, _)| first).collect::<Vec<_>>(),
+        "factors": map.waves().map(|(_, own)| factors(own)).collect::<Vec<_>>(),
+        "colours": (0..COLOURS).map(colour).collect::<String>(),
+        "devices": map.devices(),
+        "rows": rows(&|x, y| map.task_at(x, y), width, height),
+        "tasks": {
+            "rays": list(|task| json!(task.rays)),
+            "kept": list(|task| json!(task.kept)),
+            "tests": list(|task| task.tests.map_or(Value::Null, |(tests, _)| short(tests.into()))),
+            "std_error": list(|task| task.tests.and_then(|(_, error)| error).map_or(Value::Null, |e| short(e.into()))),
+            "estimated_ns": list(|task| short(task.estimated_s * 1e9)),
+            "measured_ns": list(|task| short(task.measured_s * 1e9)),
+            "device": list(|task| json!(task.device)),
+        },
+    })
 }
 
 /// The picture's rows as `[task, length, …]`, −1 where there is none; 0 for a row that is like the one above it.
-fn rows(task_of: &[u32], width: usize) -> Vec<Value> {
-    let mut last: &[u32] = &[];
-    let row = |row| {
+fn rows(task_at: &dyn Fn(u32, u32) -> Option<u32>, width: u32, height: u32) -> Vec<Value> {
+    let mut last: Vec<Option<u32>> = Vec::new();
+    let row = |y| {
+        let row: Vec<Option<u32>> = (0..width).map(|x| task_at(x, y)).collect();
         if row == last {
             return json!(0);
         }
+        let pair = |run: &[Option<u32>]| [run[0].map_or(-1, i64::from), run.len() as i64];
+        let pairs = row.chunk_by(|a, b| a == b).flat_map(pair).collect::<Vec<_>>();
         last = row;
-        let runs = row.chunk_by(|a, b| a == b);
-        let pair = |run: &[u32]| [i64::from(run[0].cast_signed().max(-1)), run.len() as i64];
-        json!(runs.flat_map(pair).collect::<Vec<_>>())
+        json!(pairs)
     };
-    task_of.chunks(width.max(1)).map(row).collect()
+    (0..height).map(row).collect()
 }
 
 /// Four significant digits as a whole number or short fraction; null where unknown.
@@ -125,24 +120,15 @@ fn short(value: f64) -> Value {
     if power <= 1.0 { json!(rounded as i64) } else { json!(rounded) }
 }
 
-/// Nanoseconds per ray that all but the most expensive tasks stay below; 1 where nothing is known.
-fn top(left: &[u32], seconds: &[&[f64]]) -> f64 {
-    let per_ray = |(s, &rays): (&f64, &u32)| (rays > 0 && s.is_finite()).then(|| s * 1e9 / f64::from(rays));
-    let mut known: Vec<f64> = seconds.iter().flat_map(|s| s.iter().zip(left)).filter_map(per_ray).collect();
-    known.sort_by(f64::total_cmp);
-    let rank = ((known.len() as f64 * SHOWN_SHARE) as usize).min(known.len().saturating_sub(1));
-    known.get(rank).copied().filter(|&top| top > 0.0).unwrap_or(1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn rows_are_runs_and_repeat_in_a_digit() {
-        let none = u32::MAX;
-        let rows = rows(&[7, 7, 8, 7, 7, 8, none, 8, 8], 3);
-        assert_eq!(json!(rows), json!([[7, 2, 8, 1], 0, [-1, 1, 8, 2]]));
+        let tasks = [7, 7, 8, 7, 7, 8, u32::MAX, 8, 8];
+        let at = |x: u32, y: u32| Some(tasks[(3 * y + x) as usize]).filter(|&task| task != u32::MAX);
+        assert_eq!(json!(rows(&at, 3, 3)), json!([[7, 2, 8, 1], 0, [-1, 1, 8, 2]]));
     }
 
     #[test]
@@ -151,13 +137,5 @@ mod tests {
         assert_eq!(short(0.0), json!(0));
         assert_eq!(short(f64::NAN), Value::Null);
         assert_eq!(short(0.123_456).to_string(), "0.1235");
-    }
-
-    #[test]
-    fn an_outlier_does_not_set_the_scale() {
-        let mut seconds = vec![1e-7; 1000];
-        seconds[0] = 1.0;
-        assert!((top(&[1; 1000], &[&seconds, &[f64::NAN; 1000]]) - 100.0).abs() < 1e-6);
-        assert_eq!(top(&[0], &[&[1.0]]), 1.0);
     }
 }

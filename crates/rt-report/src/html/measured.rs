@@ -1,16 +1,15 @@
 //! What pages show of any run: how well costs were estimated and work was balanced, whatever the rays were.
 
-use super::Page;
-use super::cost_map::Costs;
+use super::{Page, cost_map};
 use crate::ReportError;
-use crate::chart::cost::{CostMap, scaled_estimate};
+use crate::chart::cost::{CostMap, Origin, TaskCosts};
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
 use crate::table;
 use rt_balance::report::StreamRun;
 use std::path::Path;
 
-/// Most tasks whose numbers a page holds, 64 bytes each.
+/// Most tasks whose numbers a page holds over all its maps, 64 bytes each.
 const MOST_TASKS: usize = 1 << 16;
 
 /// The page of a stream of the caller's own rays, of which there is no picture.
@@ -35,11 +34,11 @@ impl Traced<'_> {
         let title = format!("raybalance: {}", self.report.scene.source);
         let seed = self.report.provenance.seed.unwrap_or_default();
         let mut page = Page::new(&title, &self.report.provenance, &format!("Seed {seed} of samples."));
+        page.lead(&self.report.headline.sentence);
         if let Some([width, height]) = self.size {
-            let mut map = CostMap::new([width, height], 1);
-            let pixels: Vec<u32> = (0..height).flat_map(|y| (0..width).map(move |x| x | y << 16)).collect();
-            map.add_wave(&pixels, &self.run.tasks, &scaled_estimate(self.run), &self.run.measured_s);
-            add_costs(&mut page, runs, &Costs { map: &map, runs: vec![self.run] });
+            let mut map = CostMap::new(&self.run.report.kind, [width, height]);
+            map.add(self.run, |ray| (ray % width.max(1)) | ((ray / width.max(1)) << 16));
+            add_costs(&mut page, &[map]);
         }
         add_to(&mut page, self.report, runs)?;
         page.write(path)
@@ -47,22 +46,28 @@ impl Traced<'_> {
 }
 
 /// Adds what each task cost.
-pub(super) fn add_costs(page: &mut Page, runs: &[StreamRun], costs: &Costs<'_>) {
+pub(super) fn add_costs(page: &mut Page, maps: &[CostMap]) {
     page.section("Cost of each task");
     page.paragraph(
-        "Device time of the rays of each task, per ray that was traced: as estimated before (scaled to the measured \
-         total) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task.",
+        "Device time of the rays of each task, per ray that was traced: as estimated (scaled to what each device took \
+         in all) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task.",
     );
-    if let Some(kinds) = blind(runs) {
+    if let Some(what) = maps.iter().find_map(CostMap::not_used) {
         page.paragraph(&format!(
-            "No estimate was made of {kinds} rays: it would have cost more than the expected gain. Where estimates are \
-             shown here, every ray counts the same."
+            "Where no estimate was made, “estimated (not used)” shows {what}: when all was traced, outside the times \
+             that are given here."
         ));
     }
-    if costs.tasks() <= MOST_TASKS {
-        costs.add_to(page);
-    } else {
-        page.paragraph(&format!("{} tasks are more than fit this page.", table::grouped(costs.tasks() as u64)));
+    let mut left = MOST_TASKS;
+    for map in maps {
+        let tasks = map.tasks().len();
+        if tasks > left {
+            let (kind, tasks) = (map.kind(), table::grouped(tasks as u64));
+            page.paragraph(&format!("The {tasks} tasks of {kind} rays are more than fit this page: see cost.png."));
+            continue;
+        }
+        left -= tasks;
+        cost_map::add(page, map);
     }
 }
 
@@ -72,8 +77,9 @@ pub(super) fn add_to(page: &mut Page, report: &Report, runs: &[StreamRun]) -> Re
     page.chart(
         &scatter::to_svg(&panels(runs))?,
         "Scatter plot: estimated against measured time of every task, one panel for each kind of rays",
-        "Each dot is a task; on the line the estimate was right. Estimates are scaled to the measured total of their \
-         stream, since only relative costs matter for balancing.",
+        "Each dot is a task; on the line the estimate was right. Estimates are scaled to what each device took in all, \
+         since only relative costs matter for balancing; where none was used, dots show what sampling would have \
+         predicted.",
     );
 
     page.section("Timeline");
@@ -87,6 +93,7 @@ pub(super) fn add_to(page: &mut Page, report: &Report, runs: &[StreamRun]) -> Re
     page.table("How each stream was balanced", &table::stream_table(runs));
     page.section("Devices");
     page.table("What each device did, over all streams", &table::device_table(runs));
+    table::device_remarks(runs).iter().for_each(|remark| page.paragraph(remark));
     describe(page, report);
     Ok(())
 }
@@ -109,27 +116,17 @@ fn describe(page: &mut Page, report: &Report) {
     page.paragraph(&format!("Queue {}{policy}.", report.queue));
 }
 
-/// The kinds of rays of which nothing was known before, though the estimator could have known more.
-fn blind(runs: &[StreamRun]) -> Option<String> {
-    let is_blind = |run: &&StreamRun| {
-        let estimate = &run.report.estimate;
-        estimate.chosen == "uniform" && estimate.estimator != estimate.chosen
-    };
-    let mut kinds: Vec<&str> = runs.iter().filter(is_blind).map(|run| &*run.report.kind).collect();
-    kinds.sort_unstable();
-    kinds.dedup();
-    (!kinds.is_empty()).then(|| kinds.join(", "))
-}
-
 /// One panel for each kind of rays, over all frames and waves.
 fn panels(runs: &[StreamRun]) -> Vec<scatter::Panel> {
     let mut panels: Vec<scatter::Panel> = Vec::new();
     for run in runs {
-        let tasks = scaled_estimate(run).into_iter().zip(&run.measured_s).map(|(e, m)| [e, *m]);
-        let title = &run.report.kind;
-        match panels.iter_mut().find(|panel| panel.title == *title) {
+        let costs = TaskCosts::of(run);
+        let (kind, name) = (&run.report.kind, CostMap::name_of_estimate(costs.origin));
+        let title = if costs.origin == Origin::Used { kind.clone() } else { format!("{kind}, {name}") };
+        let tasks = costs.pairs(run);
+        match panels.iter_mut().find(|panel| panel.title == title) {
             Some(panel) => panel.tasks.extend(tasks),
-            None => panels.push(scatter::Panel { title: title.clone(), tasks: tasks.collect() }),
+            None => panels.push(scatter::Panel { title, tasks: tasks.collect() }),
         }
     }
     if panels.is_empty() {

@@ -9,7 +9,7 @@ pub mod render;
 
 use crate::image::{self, Preview};
 use crate::output::write_atomically;
-use crate::table::Table;
+use crate::table::{self, Table};
 use crate::{Provenance, ReportError};
 use std::fmt::Write as _;
 use std::path::Path;
@@ -61,6 +61,11 @@ impl Page {
         let _ = writeln!(self.body, "<p>{}</p>", escaped(text));
     }
 
+    /// Adds what matters most, in a sentence that nobody overlooks.
+    pub fn lead(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<p class=\"lead\">{}</p>", escaped(text));
+    }
+
     /// Adds a chart; `alt` says what it shows to those who cannot see it.
     pub fn chart(&mut self, svg: &str, alt: &str, caption: &str) {
         let (alt, caption) = (escaped(alt), escaped(caption));
@@ -107,8 +112,10 @@ impl Page {
         for (index, row) in table.rows().iter().enumerate() {
             let _ = write!(self.body, "<tr>");
             for (column, cell) in row.iter().enumerate() {
+                let meaning = table::meaning(cell).filter(|_| index == 0);
+                let title = meaning.map_or_else(String::new, |text| format!(" title=\"{}\"", escaped(text)));
                 let (tag, scope) = if index == 0 { ("th", " scope=\"col\"") } else { ("td", "") };
-                let _ = write!(self.body, "<{tag}{scope}{}>{}</{tag}>", class(column), escaped(cell));
+                let _ = write!(self.body, "<{tag}{scope}{title}{}>{}</{tag}>", class(column), escaped(cell));
             }
             let _ = writeln!(self.body, "</tr>{}", if index == 0 { "</thead><tbody>" } else { "" });
         }

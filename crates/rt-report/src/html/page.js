@@ -1,6 +1,6 @@
 "use strict";
 
-// Cost maps: two pictures of the same tasks on one scale, and what is known of the task under the pointer.
+// Cost maps: pictures of the same tasks on one scale, and what is known of the task under the pointer.
 for (const map of document.querySelectorAll(".cost")) {
   const data = JSON.parse(map.querySelector("script[type='application/json']").textContent);
   const { width, height, tasks } = data;
@@ -13,8 +13,15 @@ for (const map of document.querySelectorAll(".cost")) {
   const pictures = canvases.map((canvas) => paint(canvas, tasks[canvas.dataset.values]));
   paintScale(map.querySelector(".scale canvas"));
 
-  const readout = map.querySelector(".readout");
-  const fields = [...readout.querySelectorAll("dd")];
+  const fields = [...map.querySelectorAll(".readout dd")];
+  const words = {
+    "task": name,
+    "rays": rays,
+    "estimated tests": tests,
+    "estimated time": (task) => time(tasks.estimated_ns[task]),
+    "measured time": (task) => time(tasks.measured_ns[task]),
+    "device": (task) => data.devices[tasks.device[task]] ?? "unknown",
+  };
   let shown = -1;
 
   canvases.forEach((canvas) => {
@@ -53,22 +60,37 @@ for (const map of document.querySelectorAll(".cost")) {
     return out;
   }
 
-  // Nanoseconds per ray to a colour; what is not known is grey.
+  // Nanoseconds per ray on a device of mean speed to a colour.
   function colour(cost) {
-    if (cost === null || cost === undefined) return [160, 160, 160];
     const last = colours.length - 1;
     return colours[Math.min(last, Math.floor((cost / data.top_ns) * (last + 1)))];
   }
 
+  // What is not known is hatched.
+  function hatch(x, y) {
+    const grey = Math.floor((x + y) / 4) % 2 ? 140 : 186;
+    return [grey, grey, grey];
+  }
+
   function perRay(times, task) {
     const left = tasks.rays[task] - tasks.kept[task];
-    return task < 0 || times[task] === null || left <= 0 ? null : times[task] / left;
+    if (times[task] === null || left <= 0) return null;
+    return (times[task] * (data.factors[waveOf(task)][tasks.device[task]] ?? 1)) / left;
+  }
+
+  function waveOf(task) {
+    return data.waves.findLastIndex((first) => first <= task);
   }
 
   function paint(canvas, times) {
     const picture = new ImageData(width, height);
+    const costs = times.map((_, task) => perRay(times, task));
     for (let i = 0; i < taskOf.length; i++) {
-      picture.data.set([...colour(perRay(times, taskOf[i])), 255], 4 * i);
+      // Blank where no such ray was sent.
+      if (taskOf[i] < 0) continue;
+      const cost = costs[taskOf[i]];
+      const paint = cost === null ? hatch(i % width, Math.floor(i / width)) : colour(cost);
+      picture.data.set([...paint, 255], 4 * i);
     }
     canvas.getContext("2d").putImageData(picture, 0, 0);
     return picture;
@@ -85,25 +107,24 @@ for (const map of document.querySelectorAll(".cost")) {
   function show(task) {
     if (task === shown) return;
     shown = task;
-    const words = task < 0 ? fields.map(() => "–") : [
-      name(task),
-      `${tasks.rays[task].toLocaleString("en")}${tasks.kept[task] ? `, ${tasks.kept[task]} kept from the estimate` : ""}`,
-      tests(task),
-      time(tasks.estimated_ns[task]),
-      time(tasks.measured_ns[task]),
-      data.devices[tasks.device[task]] ?? "unknown",
-    ];
-    fields.forEach((field, i) => { field.textContent = words[i]; });
+    fields.forEach((field) => {
+      field.textContent = task < 0 ? "–" : words[field.dataset.field](task);
+    });
     canvases.forEach((canvas, i) => highlight(canvas, pictures[i], task));
   }
 
   function name(task) {
-    const wave = data.waves.findLastIndex((first) => first <= task);
+    const wave = waveOf(task);
     return data.waves.length > 1 ? `${task - data.waves[wave]} of wave ${wave}` : `${task}`;
   }
 
+  function rays(task) {
+    const kept = tasks.kept[task] ? `, ${tasks.kept[task]} kept from the estimate` : "";
+    return tasks.rays[task].toLocaleString("en") + kept;
+  }
+
   function tests(task) {
-    const spread = tasks.std_error[task] === null ? "" : ` ± ${number(tasks.std_error[task])} (standard error)`;
+    const spread = tasks.std_error[task] === null ? "" : ` ± ${number(tasks.std_error[task])} (std. error)`;
     return number(tasks.tests[task]) + spread;
   }
 
@@ -117,12 +138,12 @@ for (const map of document.querySelectorAll(".cost")) {
     return `${(ns * factor).toPrecision(3)} ${unit}`;
   }
 
-  // The task's pixels in white, which no cost has.
+  // The task's pixels in vermilion, which no cost has and which is seen on any paper.
   function highlight(canvas, picture, task) {
     const lit = new ImageData(new Uint8ClampedArray(picture.data), width, height);
     if (task >= 0) {
       for (let i = 0; i < taskOf.length; i++) {
-        if (taskOf[i] === task) lit.data.set([255, 255, 255, 255], 4 * i);
+        if (taskOf[i] === task) lit.data.set([213, 94, 0, 255], 4 * i);
       }
     }
     canvas.getContext("2d").putImageData(lit, 0, 0);

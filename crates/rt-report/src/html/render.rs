@@ -1,12 +1,10 @@
 //! The page of `raybalance render`.
 
-use super::cost_map::Costs;
 use super::{Page, measured};
 use crate::ReportError;
 use crate::chart::cost::CostMap;
 use crate::report::Report;
 use rt_balance::report::StreamRun;
-use rt_core::StreamKind;
 use std::path::Path;
 
 /// What the page shows.
@@ -16,12 +14,8 @@ pub struct Rendered<'a> {
     pub report: &'a Report,
     /// The streams, in the order of the report.
     pub runs: &'a [StreamRun],
-    /// Which tasks of the first frame's primary rays are where.
-    pub map: &'a CostMap,
-    /// Width and height of the picture in pixels.
-    pub size: [u32; 2],
-    /// Rays per pixel.
-    pub samples: u32,
+    /// What the first frame's rays cost, kind by kind.
+    pub maps: &'a [CostMap],
     /// The picture's file: the first frame's.
     pub picture: &'a Path,
 }
@@ -37,15 +31,14 @@ impl Rendered<'_> {
         let seeds = format!("Seed {seed} of samples, pixels and bounces.");
         let title = format!("raybalance: {}", scene.source);
         let mut page = Page::new(&title, &self.report.provenance, &seeds);
+        page.lead(&self.report.headline.sentence);
         page.section("Picture");
-        let [width, height] = self.size;
-        page.picture(
-            self.picture,
-            &format!("{} rendered with {} rays per pixel, {width} × {height} pixels", scene.source, self.samples),
-        )?;
-        // The first frame's primary rays.
-        let first = self.runs.iter().filter(|run| run.kind == StreamKind::Primary && run.report.frame == 0);
-        measured::add_costs(&mut page, self.runs, &Costs { map: self.map, runs: first.collect() });
+        let told = self.report.picture.as_ref().map_or_else(String::new, |p| {
+            let [width, height] = p.size;
+            format!(" with {} rays per pixel, {width} × {height} pixels", p.samples)
+        });
+        page.picture(self.picture, &format!("{} rendered{told}", scene.source))?;
+        measured::add_costs(&mut page, self.maps);
         measured::add_to(&mut page, self.report, self.runs)?;
         page.paragraph(
             "Beside this page: cost.png shows the cost of every pixel, trace.json has the timeline to zoom into, and \

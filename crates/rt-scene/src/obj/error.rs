@@ -23,6 +23,15 @@ pub enum Fault {
     Read(io::Error),
     /// It is no OBJ file: what it looks like instead.
     NotObj(&'static str),
+    /// It is of a format, but not as that wants it.
+    Malformed {
+        /// The format.
+        format: &'static str,
+        /// What is wrong, and where.
+        reason: String,
+    },
+    /// A triangle has no three corners, in a format without lines.
+    Geometry(Defect),
     /// It has no face, so there is nothing to trace.
     NoTriangles {
         /// Number of vertices.
@@ -73,6 +82,20 @@ pub enum Defect {
         /// Number of vertices that it could refer to: all of the file, or for a negative index those above its line.
         vertices: u64,
     },
+    /// A triangle refers to a vertex that does not exist.
+    Vertex {
+        /// The triangle, from 0.
+        triangle: u64,
+        /// The vertex, from 0.
+        index: u32,
+        /// Number of vertices.
+        vertices: u64,
+    },
+    /// A vertex of this triangle, counted from 0, is not a number, infinite, or beyond single precision.
+    NotFiniteTriangle {
+        /// The triangle.
+        triangle: u64,
+    },
     /// A face uses a vertex that is not a number, infinite, or beyond single precision.
     NotFinite {
         /// Number of such vertices in the file.
@@ -84,14 +107,20 @@ impl fmt::Display for LoadError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = &self.file;
         match &self.fault {
-            Fault::Read(_) if file.is_empty() => write!(f, "no file name was given: name an OBJ file"),
+            Fault::Read(_) if file.is_empty() => write!(f, "no file name was given: name a file of triangles"),
             Fault::Read(error) => match error.kind() {
                 io::ErrorKind::NotFound => write!(f, "{file}: no such file: check the path"),
-                io::ErrorKind::IsADirectory => write!(f, "{file}: is a directory: name an OBJ file in it"),
+                io::ErrorKind::IsADirectory => write!(f, "{file}: is a directory: name a file in it"),
                 _ => write!(f, "{file}: cannot be read ({error}): check the file and its permissions"),
             },
             Fault::NotObj(looks_like) => {
-                write!(f, "{file}: not an OBJ file, {looks_like}: export the model as Wavefront OBJ text")
+                write!(f, "{file}: not an OBJ file, {looks_like}: export the model as OBJ, PLY, STL or glTF")
+            }
+            Fault::Malformed { format, reason } => {
+                write!(f, "{file}: {format}, but malformed: {reason}: export the model again, or as OBJ")
+            }
+            Fault::Geometry(defect) => {
+                write!(f, "{file}: {defect}: correct it, or load the file without the triangles concerned")
             }
             Fault::NoTriangles { vertices } => {
                 write!(f, "{file}: no faces ({vertices} vertices): export the model with its surfaces, as polygons")
@@ -120,6 +149,12 @@ impl fmt::Display for Defect {
                 f,
                 "index {index} does not lead to one of the {vertices} vertices (indices count from 1, or from -1 backwards)"
             ),
+            Self::Vertex { triangle, index, vertices } => {
+                write!(f, "triangle {triangle} has the vertex {index}, of {vertices} from 0 on")
+            }
+            Self::NotFiniteTriangle { triangle } => {
+                write!(f, "a vertex of triangle {triangle} is not three finite single-precision numbers")
+            }
             Self::NotFinite { vertices } => {
                 write!(f, "a vertex that faces use is not three finite single-precision numbers")?;
                 if *vertices > 1 { write!(f, " ({vertices} such vertices in all)") } else { Ok(()) }

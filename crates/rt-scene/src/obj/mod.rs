@@ -20,7 +20,7 @@ mod geometry;
 mod material;
 mod number;
 mod place;
-mod polygon;
+pub(crate) mod polygon;
 mod statement;
 mod text;
 
@@ -28,15 +28,14 @@ pub use crate::progress::{LoadProgress, LoadStage, Watch, unwatched};
 pub use error::{Defect, Fault, LoadError};
 
 use crate::Model;
-use crate::memory::{grow, spare};
-use crate::progress::Meter;
+use crate::files::read_file;
+use crate::memory::spare;
 use geometry::{Geometry, Noticed};
 use glam::DVec3;
 use place::Placed;
 use std::borrow::Cow;
 use std::cell::RefCell;
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// What a loader accepts.
@@ -87,15 +86,26 @@ pub struct Loaded {
 /// breaks.
 pub fn load_obj(path: &Path, options: &LoadOptions, watch: &mut Watch<'_>) -> Result<Loaded, LoadError> {
     let name = path.display().to_string();
-    let bytes = read_file(path, watch).map_err(|fault| fault.of(&name))?;
     let folder = path.parent().unwrap_or(Path::new(""));
+    let bytes = read_file(path, watch).map_err(|fault| fault.of(&name))?;
+    load_obj_bytes(bytes, &name, folder, options, watch).map_err(|fault| fault.of(&name))
+}
+
+/// Loads the contents of an OBJ file in `folder`.
+pub(crate) fn load_obj_bytes(
+    bytes: Vec<u8>,
+    name: &str,
+    folder: &Path,
+    options: &LoadOptions,
+    watch: &mut Watch<'_>,
+) -> Result<Loaded, Fault> {
     let libraries = RefCell::new(Vec::new());
     let read = |file: &str| {
         let (path, bytes) = material::read_beside(folder, file)?;
         libraries.borrow_mut().push(path);
         Ok(bytes)
     };
-    let loaded = load(bytes.into(), &name, options, &read, watch).map_err(|fault| fault.of(&name))?;
+    let loaded = load(bytes.into(), name, options, &read, watch)?;
     Ok(Loaded { libraries: libraries.into_inner(), ..loaded })
 }
 
@@ -139,7 +149,7 @@ fn load(
     spare()?;
     let mut warnings = warnings(name, &geometry, &placed);
     warnings.extend(colours.warnings);
-    let notes = offset_note(name, &placed).into_iter().collect();
+    let notes = offset_note(name, placed.offset, placed.moved).into_iter().collect();
     Ok(Loaded {
         skipped_points: geometry.points,
         skipped_lines: geometry.lines,
@@ -161,13 +171,12 @@ fn load(
 }
 
 /// That an offset is subtracted, and why.
-fn offset_note(name: &str, placed: &Placed) -> Option<String> {
-    let DVec3 { x, y, z } = placed.offset;
-    (placed.moved > 0.0).then(|| {
+pub(crate) fn offset_note(name: &str, DVec3 { x, y, z }: DVec3, moved: f64) -> Option<String> {
+    (moved > 0.0).then(|| {
         format!(
             "{name}: coordinates are kept relative to ({x}, {y}, {z}), since single precision would move vertices by up to \
              {}; cameras and rays are given in the coordinates of the file",
-            two_digits(placed.moved)
+            two_digits(moved)
         )
     })
 }
@@ -208,28 +217,4 @@ fn warnings(name: &str, geometry: &Geometry<'_>, placed: &Placed) -> Vec<String>
 
 fn faces(count: u64) -> String {
     if count == 1 { "1 face".to_owned() } else { format!("{count} faces") }
-}
-
-/// Reads a whole file.
-fn read_file(path: &Path, watch: &mut Watch<'_>) -> Result<Vec<u8>, Fault> {
-    let mut file = File::open(path).map_err(Fault::Read)?;
-    let about = file.metadata().map_err(Fault::Read)?;
-    if about.is_dir() {
-        return Err(Fault::Read(io::ErrorKind::IsADirectory.into()));
-    }
-    let mut meter = Meter::begin(LoadStage::Reading, about.len(), watch)?;
-    let mut bytes = Vec::new();
-    // One more than the size, so that the end is seen without growing. Pipes have no size: their list just grows.
-    grow(&mut bytes, usize::try_from(about.len() + 1).unwrap_or(usize::MAX))?;
-    loop {
-        if bytes.len() == bytes.capacity() {
-            grow(&mut bytes, LoadStage::Reading.step() as usize)?;
-        }
-        let room = LoadStage::Reading.step().min((bytes.capacity() - bytes.len()) as u64);
-        let read = file.by_ref().take(room).read_to_end(&mut bytes);
-        if read.map_err(Fault::Read)? == 0 {
-            return Ok(bytes);
-        }
-        meter.at(bytes.len() as u64)?;
-    }
 }

@@ -10,7 +10,7 @@ use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
 /// What was found about a polygon.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Shape {
+pub(crate) enum Shape {
     /// Its triangles cover it.
     Plain,
     /// Likewise, but its corners do not lie in a plane, so that other triangles would be as right.
@@ -36,7 +36,7 @@ const NO_AREA: f64 = 1e-12;
 const LARGEST: f64 = 4.0 * f32::MAX as f64;
 
 /// The fan from the first corner.
-pub(super) fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+pub(crate) fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     corners.windows(2).skip(1).map(|pair| [corners[0], pair[0], pair[1]])
 }
 
@@ -46,7 +46,7 @@ pub(super) fn corners_of(fan: &[[u32; 3]]) -> impl Iterator<Item = u32> {
 }
 
 /// Makes `triangles`, the fan of a polygon with these corners, cover it.
-pub(super) fn cover(corners: &[u32], triangles: &mut [[u32; 3]], vertices: &[DVec3]) -> Shape {
+pub(crate) fn cover(corners: &[u32], triangles: &mut [[u32; 3]], vertices: &[DVec3]) -> Shape {
     let count = corners.len();
     let place = |k: usize| vertices[corners[k] as usize];
     if !(0..count).all(|k| place(k).abs().cmple(DVec3::splat(LARGEST)).all()) {

@@ -8,7 +8,7 @@ mod spawn;
 mod sun;
 mod wave;
 
-pub use path::{PathStream, Paths};
+pub use path::{PathStream, Paths, Samples};
 pub use spawn::Spawner;
 pub use sun::Sun;
 pub use wave::{ImageSizeError, Wave, Waves};

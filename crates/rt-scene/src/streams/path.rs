@@ -26,6 +26,31 @@ pub struct Paths {
     pub surfaces: Arc<Surfaces>,
 }
 
+/// Some of the samples of each pixel, which follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Samples {
+    /// Number of the first.
+    pub first: u32,
+    /// How many, at least 1.
+    pub count: u32,
+}
+
+impl Samples {
+    /// All of so many; of 0 one.
+    #[must_use]
+    pub const fn all(count: u32) -> Self {
+        Self { first: 0, count: if count == 0 { 1 } else { count } }
+    }
+
+    /// Where a path stands among those of these samples, that has the number `path` among those of all `all` of them:
+    /// pixel by pixel, and for each sample by sample.
+    #[must_use]
+    pub const fn place(&self, path: u32, all: u32) -> u32 {
+        let all = if all == 0 { 1 } else { all };
+        path / all * self.count + path % all - self.first
+    }
+}
+
 /// Rays of one kind, as paths send them.
 #[derive(Clone, Debug)]
 pub struct PathStream {
@@ -43,8 +68,15 @@ impl Paths {
     /// The rays with which the paths of a wave begin.
     #[must_use]
     pub fn primary(&self, wave: &Wave) -> PathStream {
+        self.part(wave, Samples::all(self.samples))
+    }
+
+    /// Those of some of the samples of each pixel. They and all that follows from them are what they are among all.
+    #[must_use]
+    pub fn part(&self, wave: &Wave, Samples { first, count }: Samples) -> PathStream {
         let Self { camera, size, seed, .. } = *self;
-        let rays = CameraRays { camera, size, pixels: Arc::clone(&wave.pixels), samples: self.samples.max(1), seed };
+        let (pixels, all_samples) = (Arc::clone(&wave.pixels), self.samples.max(1));
+        let rays = CameraRays { camera, size, pixels, samples: count, first_sample: first, all_samples, seed };
         let source = RaySource::Camera(Arc::new(rays));
         PathStream { source, kind: StreamKind::Primary, query: Query::Closest, first: wave.first }
     }
@@ -78,7 +110,8 @@ impl Paths {
 }
 
 impl PathStream {
-    /// The number of a ray's path in its wave: pixel by pixel, and for each sample by sample.
+    /// The number of a ray's path in its wave: pixel by pixel, and for each sample by sample, those of other parts of
+    /// the samples counted too.
     #[must_use]
     pub fn path(&self, ray: u32) -> u32 {
         path(&self.source, ray)

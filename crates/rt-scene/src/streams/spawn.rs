@@ -85,7 +85,8 @@ impl Spawner<'_> {
 pub(super) fn path(rays: &RaySource, ray: u32) -> u32 {
     match rays {
         RaySource::Bounce(bounce) => bounce.departures[ray as usize].path,
-        RaySource::Camera(_) | RaySource::Explicit { .. } => ray,
+        RaySource::Camera(camera) => camera.path(ray),
+        RaySource::Explicit { .. } => ray,
     }
 }
 

@@ -20,9 +20,11 @@ mod tests;
 pub(crate) use packet::Counter;
 
 use crate::dispatch::Work;
+use crate::isa::Found;
 use crate::lanes::{LANES, Level};
 use crate::packet::RAYS;
 use crate::rays::Frame;
+use core::marker::PhantomData;
 use rt_bvh::{BlockChild, BlockTree};
 use rt_core::{Hit, Query, Ray, ReducedWalk, TestCounts, Walk};
 
@@ -87,16 +89,24 @@ pub(crate) struct CountBatch<'a> {
     pub(crate) hits: &'a mut [Hit],
 }
 
-impl Work for CountBatch<'_> {
+/// A batch, by the kind of its walk.
+struct Counting<'a, K>(CountBatch<'a>, PhantomData<K>);
+
+impl<K: Kind> Work for Counting<'_, K> {
     // Inlined, as all below, so that it is compiled for the instructions of its caller.
     #[inline(always)]
     fn run<L: Level>(self, level: L) {
-        match (self.walk, self.query) {
-            (Walk::Full, Query::Closest) => self.count::<L, Closest>(level),
-            (Walk::Full, Query::Any) => self.count::<L, Any>(level),
-            (Walk::Reduced(ReducedWalk::LeafAsHit), _) => self.count::<L, LeafAsHit>(level),
-            (Walk::Reduced(ReducedWalk::Unshortened), _) => self.count::<L, Unshortened>(level),
-        }
+        self.0.count::<L, K>(level);
+    }
+}
+
+/// Counts a batch.
+pub(crate) fn run(found: Found, batch: CountBatch<'_>) {
+    match (batch.walk, batch.query) {
+        (Walk::Full, Query::Closest) => found.run(Counting::<Closest>(batch, PhantomData)),
+        (Walk::Full, Query::Any) => found.run(Counting::<Any>(batch, PhantomData)),
+        (Walk::Reduced(ReducedWalk::LeafAsHit), _) => found.run(Counting::<LeafAsHit>(batch, PhantomData)),
+        (Walk::Reduced(ReducedWalk::Unshortened), _) => found.run(Counting::<Unshortened>(batch, PhantomData)),
     }
 }
 

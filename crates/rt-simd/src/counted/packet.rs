@@ -7,7 +7,7 @@ use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level
 use crate::packet::GROUPS;
 use crate::rays::{Frame, Group, Set};
 use crate::stack::Stack;
-use crate::triangles::{AXES, any, nearest};
+use crate::triangles::{AXES, nearest};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::{Ray, TestCounts};
 
@@ -286,10 +286,11 @@ impl Walk<'_> {
                 if some == 0 {
                     continue;
                 }
+                let better = nearest(level, self.frame, group, given, (block, count), axes, some);
                 if K::ANY {
-                    self.open[i] &= !any(level, self.frame, group, given, (block, count), axes, some);
+                    self.open[i] &= !better;
                 } else {
-                    shorter |= nearest(level, self.frame, group, given, (block, count), axes, some) != 0;
+                    shorter |= better != 0;
                 }
             }
         }

@@ -8,6 +8,7 @@ use crate::single::meets;
 use crate::stack::Stack;
 use crate::triangles::{AXES, may_be_hit};
 use rt_bvh::{BlockChild, BlockTree};
+use rt_core::intersect::Shear;
 use rt_core::{Ray, TestCounts};
 
 /// Of the children that come next, so many are asked for ahead: those of a ray that has no neighbours are seldom in a
@@ -33,6 +34,8 @@ pub(super) fn walk<L: Level, K: Kind>(
     let axes = AXES[dominant % 3];
     let (mut nodes, mut triangles) = (0_u32, 0_u32);
     let bottom = stack.len();
+    // Made when the first triangle asks for it.
+    let mut shear = None;
     stack.push(ray.begin, child, 0);
     while stack.len() > bottom {
         let (entry, child, _) = stack.pop();
@@ -62,13 +65,13 @@ pub(super) fn walk<L: Level, K: Kind>(
                 while open != 0 {
                     let triangle = open.trailing_zeros() as usize;
                     open &= open - 1;
-                    if meets(frame, group, lane, given, block, triangle) {
-                        if K::ANY {
-                            stack.cut(bottom);
-                            return TestCounts { boxes: nodes.saturating_mul(8), triangles };
-                        }
+                    let shear = shear.get_or_insert_with(|| Shear::new(given, frame.scale_exponent, f64::INFINITY));
+                    if meets(shear, group, lane, given, block, triangle) {
                         ray.limit = group.limit.0[lane];
                     }
+                }
+                if K::ANY && group.found >> lane & 1 == 1 {
+                    stack.cut(bottom);
                 }
             }
             BlockChild::Empty => {}

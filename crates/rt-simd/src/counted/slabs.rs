@@ -33,7 +33,11 @@ pub(super) struct Slabs<F> {
 impl<F: Floats16> Slabs<F> {
     #[inline(always)]
     pub(super) fn of<L: Level<F16 = F>>(level: L, group: &Group, octant: usize) -> Self {
-        let origin = |axis: usize, leave: usize| level.load(&group.padded[axis][(octant >> axis ^ leave) & 1]);
+        // Lower planes see an origin that was moved up, upper ones one that was moved down.
+        let origin = |axis: usize, leave: usize| {
+            let (origin, pad) = (level.load(&group.origin[axis]), level.load(&group.pad[axis]));
+            if (octant >> axis ^ leave) & 1 == 0 { origin + pad } else { origin - pad }
+        };
         let reciprocal = |axis: usize| level.load(&group.reciprocal[axis]);
         Self {
             reciprocal: [reciprocal(0), reciprocal(1), reciprocal(2)],
@@ -68,7 +72,10 @@ pub(super) struct Single {
 impl Single {
     #[inline(always)]
     pub(super) fn of(group: &Group, lane: usize, octant: usize) -> Self {
-        let origin = |axis: usize, leave: usize| group.padded[axis][(octant >> axis ^ leave) & 1].0[lane];
+        let origin = |axis: usize, leave: usize| {
+            let (origin, pad) = (group.origin[axis].0[lane], group.pad[axis].0[lane]);
+            if (octant >> axis ^ leave) & 1 == 0 { origin + pad } else { origin - pad }
+        };
         Self {
             octant,
             origin: [0, 1, 2].map(|axis| [origin(axis, 0), origin(axis, 1)]),

@@ -65,7 +65,8 @@ impl Reference<'_> {
         let (mut near, mut far) = (self.group.begin.0[0], self.limit);
         for axis in 0..3 {
             let mut planes = [bounds.min[axis], bounds.max[axis]];
-            let mut origins = [self.group.padded[axis][0].0[0], self.group.padded[axis][1].0[0]];
+            let (origin, pad) = (self.group.origin[axis].0[0], self.group.pad[axis].0[0]);
+            let mut origins = [origin + pad, origin - pad];
             if self.octant >> axis & 1 == 1 {
                 planes.reverse();
                 origins.reverse();
@@ -114,7 +115,6 @@ impl Reference<'_> {
         for lane in 0..count as usize {
             let id = block.id(lane);
             if id != self.excluded
-                && !self.ends()
                 && let Some(hit) = triangles::reference(self.frame, self.ray, &block.triangle(lane), id)
                 && hit.is_before(&self.hit)
             {

@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
 use super::avx2::Avx2;
-use super::{Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Slots};
+use super::{Choice, Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Part, Slots, WideLanes};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Sub};
 
@@ -19,6 +19,16 @@ pub(crate) struct F8(__m256);
 pub(crate) struct D8(__m512d);
 #[derive(Clone, Copy)]
 pub(crate) struct Slots8(__m256i);
+#[derive(Clone, Copy)]
+pub(crate) struct Chosen(__m512i);
+
+/// The first eight members of a set.
+#[derive(Clone, Copy)]
+pub(crate) struct Eight {
+    /// Where they are, 32 bits each, those of the first lowest.
+    lanes: __m512i,
+    set: u16,
+}
 
 impl Avx512 {
     /// The proof, if it can be had.
@@ -45,6 +55,10 @@ impl Level for Avx512 {
     type F16 = F16;
     type F8 = F8;
     type D8 = D8;
+    type Part = Eight;
+    type Choice = Chosen;
+
+    const FEW_ALIKE: u32 = 8;
 
     #[inline(always)]
     fn splat(self, x: f32) -> F16 {
@@ -82,6 +96,24 @@ impl Level for Avx512 {
     }
 
     #[inline(always)]
+    fn part(self, set: u16) -> Eight {
+        avx512! {
+            let all = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let first = _pdep_u32(0xff, set.into()) as u16;
+            Eight { lanes: _mm512_maskz_compress_epi32(first, all), set: first }
+        }
+    }
+
+    #[inline(always)]
+    fn choice(self, [_, second, third, fourth]: [u8; 4]) -> Chosen {
+        avx512! {
+            let choice = _mm512_maskz_set1_epi64(second, 1);
+            let choice = _mm512_mask_set1_epi64(choice, third, 2);
+            Chosen(_mm512_mask_set1_epi64(choice, fourth, 3))
+        }
+    }
+
+    #[inline(always)]
     fn fetch(self, bytes: &[u8]) {
         for line in bytes.chunks(LINE) {
             avx512!(_mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()));
@@ -93,6 +125,68 @@ impl Level for Avx512 {
         let (a, b) = (quarters::<0>(rows), quarters::<4>(rows));
         let ([c0, c1, c2, c3], [c4, c5, c6, c7]) = (transposed(a), transposed(b));
         [F16(c0), F16(c1), F16(c2), F16(c3), F16(c4), F16(c5), F16(c6), F16(c7)]
+    }
+}
+
+impl Part for Eight {
+    type Narrow = F8;
+    type Wide = D8;
+
+    #[inline(always)]
+    fn of(self, from: &Lanes) -> F8 {
+        avx512! {
+            let picked = _mm512_permutexvar_ps(self.lanes, _mm512_loadu_ps(from.0.as_ptr()));
+            F8(_mm512_castps512_ps256(picked))
+        }
+    }
+
+    #[inline(always)]
+    fn of_wide(self, from: &WideLanes) -> D8 {
+        avx512! {
+            let lanes = _mm512_cvtepi32_epi64(_mm512_castsi512_si256(self.lanes));
+            let (lower, upper) = (from.half(0).as_ptr(), from.half(1).as_ptr());
+            D8(_mm512_permutex2var_pd(_mm512_loadu_pd(lower), lanes, _mm512_loadu_pd(upper)))
+        }
+    }
+
+    #[inline(always)]
+    fn members(self, set: u16) -> u8 {
+        avx512!(_pext_u32(set.into(), self.set.into()) as u8)
+    }
+
+    #[inline(always)]
+    fn set(self, members: u8) -> u16 {
+        avx512!(_pdep_u32(members.into(), self.set.into()) as u16)
+    }
+
+    #[inline(always)]
+    fn put(self, members: u8, numbers: F8, to: &mut Lanes) {
+        let members = self.set(members);
+        avx512! {
+            let spread = _mm512_maskz_expand_ps(self.set, _mm512_castps256_ps512(numbers.0));
+            _mm512_mask_storeu_ps(to.0.as_mut_ptr(), members, spread);
+        }
+    }
+}
+
+impl Choice for Chosen {
+    type Narrow = F8;
+    type Wide = D8;
+
+    #[inline(always)]
+    fn of(self, from: &[f32; 4]) -> D8 {
+        avx512! {
+            let four = _mm512_castpd256_pd512(_mm256_cvtps_pd(_mm_loadu_ps(from.as_ptr())));
+            D8(_mm512_permutexvar_pd(self.0, four))
+        }
+    }
+
+    #[inline(always)]
+    fn bits_of(self, [a, b, c, d]: [u32; 4]) -> F8 {
+        avx512! {
+            let four = _mm256_castsi128_si256(_mm_setr_epi32(a as i32, b as i32, c as i32, d as i32));
+            F8(_mm256_castsi256_ps(_mm256_permutexvar_epi32(_mm512_cvtepi64_epi32(self.0), four)))
+        }
     }
 }
 
@@ -332,8 +426,13 @@ impl Floats8 for F8 {
     }
 
     #[inline(always)]
-    fn same_bits(self, bits: u32) -> u8 {
-        avx512!(_mm256_cmpeq_epi32_mask(_mm256_castps_si256(self.0), _mm256_set1_epi32(bits as i32)))
+    fn same_bits(self, other: Self) -> u8 {
+        avx512!(_mm256_cmpeq_epi32_mask(_mm256_castps_si256(self.0), _mm256_castps_si256(other.0)))
+    }
+
+    #[inline(always)]
+    fn lesser_bits(self, other: Self) -> u8 {
+        avx512!(_mm256_cmplt_epu32_mask(_mm256_castps_si256(self.0), _mm256_castps_si256(other.0)))
     }
 
     #[inline(always)]
@@ -380,6 +479,11 @@ impl Doubles8 for D8 {
     #[inline(always)]
     fn store(self, to: &mut [f64; 8]) {
         avx512!(_mm512_storeu_pd(to.as_mut_ptr(), self.0));
+    }
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        Self(avx512!(_mm512_fmadd_pd(self.0, b.0, c.0)))
     }
 
     #[inline(always)]

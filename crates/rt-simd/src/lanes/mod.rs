@@ -5,7 +5,7 @@
 //! a level that is compiled for its instructions (the module `dispatch`).
 //!
 //! Sums, differences, products and quotients are rounded once each, as IEEE 754 says, to the same bits on every level.
-//! Only `mul_sub` and `neg_mul_add` may round once or twice.
+//! Only `mul_sub`, `neg_mul_add` and `mul_add` may round once or twice.
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx2;
@@ -74,6 +74,13 @@ pub(crate) trait Level: Copy {
     type F8: Floats8<Wide = Self::D8>;
     /// Eight numbers in double precision.
     type D8: Doubles8<Narrow = Self::F8>;
+    /// Up to eight lanes of sixteen.
+    type Part: Part<Narrow = Self::F8, Wide = Self::D8>;
+    /// For each of eight lanes, one of four numbers.
+    type Choice: Choice<Narrow = Self::F8, Wide = Self::D8>;
+
+    /// Most lanes that choose alike for which [`Level::part`] and [`Level::choice`] pay: more are looked at in halves.
+    const FEW_ALIKE: u32;
 
     /// The same number in all lanes.
     fn splat(self, x: f32) -> Self::F16;
@@ -87,11 +94,124 @@ pub(crate) trait Level: Copy {
     /// The first twelve of sixteen numbers, and zeros.
     fn load12(self, from: &[f32; LANES]) -> Self::F16;
 
+    /// A part with members of a set, which is not empty: with the first eight, where lanes move cheaply.
+    fn part(self, set: u16) -> Self::Part;
+
+    /// For each lane the one of four sets that has it; any for lanes in none.
+    fn choice(self, sets: [u8; 4]) -> Self::Choice;
+
     /// Asks for bytes to be brought into the cache, where the processor can be asked.
     fn fetch(self, bytes: &[u8]);
 
     /// The columns of a table of sixteen rows.
     fn columns(self, rows: &[[f32; 8]; LANES]) -> [Self::F16; 8];
+}
+
+/// Up to eight lanes of sixteen, in order.
+pub(crate) trait Part: Copy {
+    type Narrow;
+    type Wide;
+
+    /// Its numbers.
+    fn of(self, from: &Lanes) -> Self::Narrow;
+    /// Its numbers.
+    fn of_wide(self, from: &WideLanes) -> Self::Wide;
+    /// Which of its lanes are members of a set.
+    fn members(self, set: u16) -> u8;
+    /// The set of these members.
+    fn set(self, members: u8) -> u16;
+    /// Writes the numbers of these members.
+    fn put(self, members: u8, numbers: Self::Narrow, to: &mut Lanes);
+}
+
+/// The lower or the upper eight: the part where lanes do not move.
+#[derive(Clone, Copy)]
+pub(crate) struct Half<L> {
+    level: L,
+    upper: bool,
+}
+
+impl<L: Level> Half<L> {
+    #[inline(always)]
+    pub(crate) const fn lower(level: L) -> Self {
+        Self { level, upper: false }
+    }
+
+    #[inline(always)]
+    pub(crate) const fn upper(level: L) -> Self {
+        Self { level, upper: true }
+    }
+
+    /// The one with the first member of a set.
+    #[inline(always)]
+    const fn with_first(level: L, set: u16) -> Self {
+        Self { level, upper: set & 0xff == 0 }
+    }
+}
+
+impl<L: Level> Part for Half<L> {
+    type Narrow = L::F8;
+    type Wide = L::D8;
+
+    #[inline(always)]
+    fn of(self, from: &Lanes) -> L::F8 {
+        self.level.load8(from.half(self.upper.into()))
+    }
+
+    #[inline(always)]
+    fn of_wide(self, from: &WideLanes) -> L::D8 {
+        self.level.load_wide(from.half(self.upper.into()))
+    }
+
+    #[inline(always)]
+    fn members(self, set: u16) -> u8 {
+        (set >> (8 * u32::from(self.upper))) as u8
+    }
+
+    #[inline(always)]
+    fn set(self, members: u8) -> u16 {
+        u16::from(members) << (8 * u32::from(self.upper))
+    }
+
+    #[inline(always)]
+    fn put(self, members: u8, numbers: L::F8, to: &mut Lanes) {
+        let to = to.half_mut(self.upper.into());
+        numbers.or_else(members, self.level.load8(to)).store(to);
+    }
+}
+
+/// For each of eight lanes, one of four.
+pub(crate) trait Choice: Copy {
+    type Narrow;
+    type Wide;
+
+    /// The chosen numbers.
+    fn of(self, from: &[f32; 4]) -> Self::Wide;
+    /// The chosen words of bits, which are only moved.
+    fn bits_of(self, from: [u32; 4]) -> Self::Narrow;
+}
+
+/// The same for all lanes.
+#[derive(Clone, Copy)]
+pub(crate) struct Alike<L> {
+    pub(crate) level: L,
+    /// Below 4.
+    pub(crate) choice: usize,
+}
+
+impl<L: Level> Choice for Alike<L> {
+    type Narrow = L::F8;
+    type Wide = L::D8;
+
+    #[inline(always)]
+    fn of(self, from: &[f32; 4]) -> L::D8 {
+        self.level.splat_wide(from[self.choice & 3].into())
+    }
+
+    #[inline(always)]
+    fn bits_of(self, from: [u32; 4]) -> L::F8 {
+        self.level.splat8(f32::from_bits(from[self.choice & 3]))
+    }
 }
 
 /// What all words can do.
@@ -150,8 +270,10 @@ pub(crate) trait Floats8: Floats<Set = u8> {
     fn store(self, to: &mut [f32; 8]);
     /// `self · b − c`, rounded once or twice.
     fn mul_sub(self, b: Self, c: Self) -> Self;
-    /// Where the bits are these.
-    fn same_bits(self, bits: u32) -> u8;
+    /// Where the bits are the same.
+    fn same_bits(self, other: Self) -> u8;
+    /// Where the bits are a lesser number, without a sign.
+    fn lesser_bits(self, other: Self) -> u8;
     fn widen(self) -> Self::Wide;
     /// The slots in which `self ≤ far`, in the order of three bits each from the lowest up, and their number.
     fn not_above_in_order(self, far: Self, order: u32) -> (Self::Slots, usize);
@@ -170,6 +292,8 @@ pub(crate) trait Doubles8: Floats<Set = u8> {
     type Narrow;
 
     fn store(self, to: &mut [f64; 8]);
+    /// `self · b + c`, rounded once or twice.
+    fn mul_add(self, b: Self, c: Self) -> Self;
     /// Rounded to single precision.
     fn narrow(self) -> Self::Narrow;
 }

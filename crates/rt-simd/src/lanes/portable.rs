@@ -2,7 +2,7 @@
 //!
 //! Loops over lanes become the words of the target: SSE2 on x86-64, NEON on 64-bit ARM.
 
-use super::{Doubles8, Floats, Floats8, Floats16, LANES, Lanes, Level, Slots};
+use super::{Alike, Doubles8, Floats, Floats8, Floats16, Half, LANES, Lanes, Level, Slots};
 use core::array::from_fn;
 use core::ops::{Add, Div, Mul, Sub};
 
@@ -26,6 +26,10 @@ impl Level for Portable {
     type F16 = F16;
     type F8 = F8;
     type D8 = D8;
+    type Part = Half<Self>;
+    type Choice = Alike<Self>;
+
+    const FEW_ALIKE: u32 = 0;
 
     #[inline(always)]
     fn splat(self, x: f32) -> F16 {
@@ -60,6 +64,16 @@ impl Level for Portable {
     #[inline(always)]
     fn load12(self, from: &[f32; LANES]) -> F16 {
         F16(from_fn(|i| if i < 12 { from[i] } else { 0.0 }))
+    }
+
+    #[inline(always)]
+    fn part(self, set: u16) -> Half<Self> {
+        Half::with_first(self, set)
+    }
+
+    #[inline(always)]
+    fn choice(self, [_, second, third, fourth]: [u8; 4]) -> Alike<Self> {
+        Alike { level: self, choice: usize::from(second | fourth != 0) + 2 * usize::from(third | fourth != 0) }
     }
 
     #[inline(always)]
@@ -220,8 +234,13 @@ impl Floats8 for F8 {
     }
 
     #[inline(always)]
-    fn same_bits(self, word: u32) -> u8 {
-        bits(self.0.map(|x| u8::from(x.to_bits() == word)))
+    fn same_bits(self, other: Self) -> u8 {
+        bits(from_fn(|i| u8::from(self.0[i].to_bits() == other.0[i].to_bits())))
+    }
+
+    #[inline(always)]
+    fn lesser_bits(self, other: Self) -> u8 {
+        bits(from_fn(|i| u8::from(self.0[i].to_bits() < other.0[i].to_bits())))
     }
 
     #[inline(always)]
@@ -266,6 +285,11 @@ impl Doubles8 for D8 {
     #[inline(always)]
     fn store(self, to: &mut [f64; 8]) {
         *to = self.0;
+    }
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        self * b + c
     }
 
     #[inline(always)]

@@ -26,6 +26,7 @@ fn check<L: Level>(level: L) {
             wide(level, a.half(half).map(f64::from), b.half(half).map(f64::from), seed as u8);
         }
         columns_and_rows(level, seed);
+        parts(level, a, seed);
     }
 }
 
@@ -116,9 +117,13 @@ fn eight<L: Level>(level: L, a: &Lanes, b: &Lanes, seed: u32) {
     let set = |of: &dyn Fn(usize) -> bool| (0..8).fold(0, |set, i| set | u8::from(of(i)) << i);
     assert_eq!(x.not_above(y), set(&|i| a[i] <= b[i]));
     assert_eq!(x.below(y), set(&|i| a[i] < b[i]));
-    let word = a[seed as usize % 8].to_bits();
-    assert_eq!(x.same_bits(word), set(&|i| a[i].to_bits() == word));
-    assert_eq!(level.splat8(f32::from_bits(u32::MAX)).same_bits(u32::MAX), u8::MAX);
+    let word = a[seed as usize % 8];
+    assert_eq!(x.same_bits(level.splat8(word)), set(&|i| a[i].to_bits() == word.to_bits()));
+    let all = level.splat8(f32::from_bits(u32::MAX));
+    assert_eq!(all.same_bits(all), u8::MAX);
+    assert_eq!(x.lesser_bits(y), set(&|i| a[i].to_bits() < b[i].to_bits()));
+    assert_eq!(x.lesser_bits(all), u8::MAX);
+    assert_eq!(all.lesser_bits(x) | x.lesser_bits(x), 0);
     let mut wide = [0.0; 8];
     x.widen().store(&mut wide);
     assert_eq!(wide, a.map(f64::from));
@@ -162,11 +167,75 @@ fn wide<L: Level>(level: L, a: [f64; 8], b: [f64; 8], some: u8) {
     let set = |of: &dyn Fn(usize) -> bool| (0..8).fold(0, |set, i| set | u8::from(of(i)) << i);
     assert_eq!(x.not_above(y), set(&|i| a[i] <= b[i]));
     assert_eq!(x.below(y), set(&|i| a[i] < b[i]));
+    let mut fused = [0.0; 8];
+    x.mul_add(y, x).store(&mut fused);
+    for (i, got) in fused.into_iter().enumerate() {
+        let (once, twice) = (libm::fma(a[i], b[i], a[i]), a[i] * b[i] + a[i]);
+        assert!([once, twice].iter().any(|x| x.to_bits() == got.to_bits() || x.is_nan() && got.is_nan()));
+    }
     let mut narrow = [0.0; 8];
     (x * y).narrow().store(&mut narrow);
     for i in 0..8 {
         let want = (a[i] * b[i]) as f32;
         assert!(narrow[i].to_bits() == want.to_bits() || want.is_nan() && narrow[i].is_nan());
+    }
+}
+
+/// A part has eight lanes of sixteen and a choice one of four numbers for each of them, whatever the bits mean.
+fn parts<L: Level>(level: L, numbers: Lanes, seed: u32) {
+    let set = (random::below(u16::MAX.into(), seed, 0, 4) >> (seed % 16)) as u16 + 1;
+    let part = level.part(set);
+    let members: Vec<usize> = (0..LANES).filter(|&i| part.set(part.members(set)) >> i & 1 == 1).collect();
+    let few = part.set(part.members(set));
+    assert!(few != 0 && few & !set == 0, "{set:b} {few:b}");
+    if L::FEW_ALIKE > 0 {
+        assert!(few >> set.trailing_zeros() & 1 == 1);
+    }
+    let places: Vec<usize> = (0..8).filter(|i| part.members(set) >> i & 1 == 1).collect();
+    let mut wide = WideLanes::ZERO;
+    wide.0.iter_mut().enumerate().for_each(|(i, x)| *x = f64::from(seed) + i as f64);
+    let (mut narrow, mut doubles) = ([0.0; 8], [0.0; 8]);
+    part.of(&numbers).store(&mut narrow);
+    part.of_wide(&wide).store(&mut doubles);
+    for (&lane, &place) in members.iter().zip(&places) {
+        assert_eq!(narrow[place].to_bits(), numbers.0[lane].to_bits());
+        assert_eq!(doubles[place], wide.0[lane]);
+    }
+    // Every second member is written, and nothing else.
+    let some = places.iter().step_by(2).fold(0, |some, place| some | 1 << place);
+    let (mut to, new) = (numbers, core::array::from_fn(|i| i as f32));
+    part.put(some, level.load8(&new), &mut to);
+    for (lane, got) in to.0.into_iter().enumerate() {
+        let place = members.iter().position(|&member| member == lane).filter(|place| place % 2 == 0);
+        assert_eq!(got.to_bits(), place.map_or(numbers.0[lane], |place| new[places[place]]).to_bits(), "{lane}");
+        assert_eq!(part.set(some) >> lane & 1 == 1, place.is_some());
+    }
+
+    let (four, ids) = ([1.5_f32, -2.5, 3.5, f32::MIN_POSITIVE], [u32::MAX, 1, 0x7f80_0001, seed]);
+    let alike = (seed & 3) as usize;
+    let chosen = |numbers: L::D8, bits: L::F8, of: &dyn Fn(usize) -> usize| {
+        let (mut doubles, mut words) = ([0.0; 8], [0.0; 8]);
+        numbers.store(&mut doubles);
+        bits.store(&mut words);
+        for lane in 0..8 {
+            assert_eq!(doubles[lane], f64::from(four[of(lane)]));
+            assert_eq!(words[lane].to_bits(), ids[of(lane)]);
+        }
+    };
+    let choice = Alike { level, choice: alike };
+    chosen(choice.of(&four), choice.bits_of(ids), &|_| alike);
+    let choice = level.choice(core::array::from_fn(|i| if i == alike { u8::MAX } else { 0 }));
+    chosen(choice.of(&four), choice.bits_of(ids), &|_| alike);
+    if L::FEW_ALIKE > 0 {
+        let of = |lane: usize| random::below(4, seed, lane as u32, 5) as usize;
+        let sets = core::array::from_fn(|i| (0..8).fold(0, |set, lane| set | u8::from(of(lane) == i) << lane));
+        let choice = level.choice(sets);
+        chosen(choice.of(&four), choice.bits_of(ids), &of);
+    }
+    for (half, upper) in [(Half::lower(level), 0), (Half::upper(level), 8)] {
+        half.of(&numbers).store(&mut narrow);
+        assert_eq!(narrow.map(f32::to_bits), core::array::from_fn(|i| numbers.0[upper + i].to_bits()));
+        assert_eq!(u16::from(half.members(set)) << upper, set & 0xff << upper);
     }
 }
 

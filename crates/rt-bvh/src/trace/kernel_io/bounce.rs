@@ -44,7 +44,7 @@ pub struct KernelBounce {
     pub departures: u32,
     /// [`rt_core::bounce::Scatter::first_group`].
     pub first_group: u32,
-    unused: u32,
+    unused: [u32; 5],
 }
 
 /// Exponent of 1 as [`KernelIo::bounce`] counts them: 1 is in [2⁻¹, 2⁰) times 2.
@@ -98,7 +98,7 @@ impl KernelIo<'_> {
             zero: 0,
             departures: 0,
             first_group: rays.scatter.first_group,
-            unused: 0,
+            unused: [0; 5],
         })
     }
 }

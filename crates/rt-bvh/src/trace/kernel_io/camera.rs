@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rt_core::{CameraRays, Ray};
 
-/// A camera as the kernel of `camera.wgsl` reads it. 96 bytes.
+/// A camera as the kernel of `camera.wgsl` reads it. 112 bytes.
 ///
 /// The kernel makes the bits of [`KernelIo::prepare`], or a ray of kind [`super::KernelRay::HOST`] where it cannot be
 /// sure of them.
@@ -40,6 +40,11 @@ pub struct KernelCamera {
     pub zero: u32,
     /// Word at which the pixels begin.
     pub pixels: u32,
+    /// Number of the first of a pixel's rays among its samples.
+    pub first_sample: u32,
+    /// Not 0 if rays go through the centres of their pixels.
+    pub is_centred: u32,
+    unused: [u32; 2],
 }
 
 /// Exponents within which no product of the kernel's vanishes or overflows that matters to the direction: beside a
@@ -90,6 +95,9 @@ impl KernelIo<'_> {
             exponents,
             zero: 0,
             pixels: 0,
+            first_sample: rays.first_sample,
+            is_centred: rays.is_centred().into(),
+            unused: [0; 2],
         })
     }
 }
@@ -113,6 +121,8 @@ mod tests {
             size: [4, 4],
             pixels: (0..16).map(|i| (i % 4) | ((i / 4) << 16)).collect(),
             samples,
+            first_sample: 0,
+            all_samples: samples,
             seed: 1,
         }
     }

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 #[derive(Clone, Debug, Parser)]
 #[command(after_help = Exit::HELP)]
 pub(crate) struct Options {
-    /// Built-in scenes (yard, car) or OBJ files
+    /// Built-in scenes (yard, car) or files (OBJ, PLY, STL, glTF)
     #[arg(required = true, value_name = "SCENE")]
     pub(crate) scenes: Vec<PathBuf>,
     /// Kinds of rays: primary, diffuse

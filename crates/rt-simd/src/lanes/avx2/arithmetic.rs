@@ -7,7 +7,7 @@ use core::ops::{Add, Div, Mul, Sub};
 
 /// A word of eight numbers whose signs are the bits of a set.
 #[inline(always)]
-fn signs(set: u8) -> __m256 {
+pub(super) fn signs(set: u8) -> __m256 {
     avx2! {
         // Each lane's bit comes to the top.
         let places = _mm256_setr_epi32(31, 30, 29, 28, 27, 26, 25, 24);

@@ -1,7 +1,7 @@
 //! Lanes in words of AVX2: two of eight numbers, or of four in double precision.
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
-use super::{LANES, LINE, Lanes, Level};
+use super::{Choice, Half, LANES, LINE, Lanes, Level};
 use core::arch::x86_64::*;
 
 /// Proof that the processor has AVX2 with FMA, BMI, LZCNT and POPCNT.
@@ -17,6 +17,8 @@ pub(crate) struct F8(__m256);
 pub(crate) struct D8([__m256d; 2]);
 #[derive(Clone, Copy)]
 pub(crate) struct Slots8(__m256i);
+#[derive(Clone, Copy)]
+pub(crate) struct Chosen(__m256i);
 
 impl Avx2 {
     /// The proof, if it can be had.
@@ -44,10 +46,17 @@ macro_rules! avx2 {
 mod arithmetic;
 mod words;
 
+use super::Floats8 as _;
+use arithmetic::signs;
+
 impl Level for Avx2 {
     type F16 = F16;
     type F8 = F8;
     type D8 = D8;
+    type Part = Half<Self>;
+    type Choice = Chosen;
+
+    const FEW_ALIKE: u32 = 8;
 
     #[inline(always)]
     fn splat(self, x: f32) -> F16 {
@@ -90,6 +99,22 @@ impl Level for Avx2 {
     }
 
     #[inline(always)]
+    fn part(self, set: u16) -> Half<Self> {
+        Half::with_first(self, set)
+    }
+
+    #[inline(always)]
+    fn choice(self, [_, second, third, fourth]: [u8; 4]) -> Chosen {
+        let (lower, upper) = (signs(second | fourth), signs(third | fourth));
+        avx2! {
+            // The sign comes to bit 0, or to bit 1.
+            let lower = _mm256_srli_epi32::<31>(_mm256_castps_si256(lower));
+            let upper = _mm256_slli_epi32::<1>(_mm256_srli_epi32::<31>(_mm256_castps_si256(upper)));
+            Chosen(_mm256_or_si256(lower, upper))
+        }
+    }
+
+    #[inline(always)]
     fn fetch(self, bytes: &[u8]) {
         for line in bytes.chunks(LINE) {
             avx2!(_mm_prefetch::<_MM_HINT_T0>(line.as_ptr().cast()));
@@ -102,6 +127,28 @@ impl Level for Avx2 {
         let ([a, b, c, d], [e, f, g, h]) = (transposed(quarters::<0>(lower)), transposed(quarters::<0>(upper)));
         let ([i, j, k, l], [m, n, o, p]) = (transposed(quarters::<4>(lower)), transposed(quarters::<4>(upper)));
         [F16([a, e]), F16([b, f]), F16([c, g]), F16([d, h]), F16([i, m]), F16([j, n]), F16([k, o]), F16([l, p])]
+    }
+}
+
+impl Choice for Chosen {
+    type Narrow = F8;
+    type Wide = D8;
+
+    #[inline(always)]
+    fn of(self, from: &[f32; 4]) -> D8 {
+        self.pick(avx2!(_mm_loadu_ps(from.as_ptr()))).widen()
+    }
+
+    #[inline(always)]
+    fn bits_of(self, [a, b, c, d]: [u32; 4]) -> F8 {
+        self.pick(avx2!(_mm_castsi128_ps(_mm_setr_epi32(a as i32, b as i32, c as i32, d as i32))))
+    }
+}
+
+impl Chosen {
+    #[inline(always)]
+    fn pick(self, from: __m128) -> F8 {
+        F8(avx2!(_mm256_permutevar_ps(_mm256_set_m128(from, from), self.0)))
     }
 }
 

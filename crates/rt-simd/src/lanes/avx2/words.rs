@@ -150,9 +150,19 @@ impl Floats8 for F8 {
     }
 
     #[inline(always)]
-    fn same_bits(self, bits: u32) -> u8 {
-        let same = avx2!(_mm256_cmpeq_epi32(_mm256_castps_si256(self.0), _mm256_set1_epi32(bits as i32)));
+    fn same_bits(self, other: Self) -> u8 {
+        let same = avx2!(_mm256_cmpeq_epi32(_mm256_castps_si256(self.0), _mm256_castps_si256(other.0)));
         set8(avx2!(_mm256_castsi256_ps(same)))
+    }
+
+    #[inline(always)]
+    fn lesser_bits(self, other: Self) -> u8 {
+        set8(avx2! {
+            // With the highest bit turned round the order of signed numbers is that of unsigned ones.
+            let turn = _mm256_set1_epi32(i32::MIN);
+            let (a, b) = (_mm256_castps_si256(self.0), _mm256_castps_si256(other.0));
+            _mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_xor_si256(b, turn), _mm256_xor_si256(a, turn)))
+        })
     }
 
     #[inline(always)]
@@ -201,6 +211,12 @@ impl Doubles8 for D8 {
             _mm256_storeu_pd(halves[0].as_mut_ptr(), self.0[0]);
             _mm256_storeu_pd(halves[1].as_mut_ptr(), self.0[1]);
         }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        let ([a, d], [b, e], [c, f]) = (self.0, b.0, c.0);
+        Self(avx2!([_mm256_fmadd_pd(a, b, c), _mm256_fmadd_pd(d, e, f)]))
     }
 
     #[inline(always)]
