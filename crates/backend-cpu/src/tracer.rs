@@ -216,8 +216,11 @@ impl Worker {
             let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
             self.executor.for_each(
                 pieces,
-                || Stack::for_scene(&self.scene),
-                |stack, piece| self.trace_piece(stack, source, spec, done, piece),
+                || (Stack::for_scene(&self.scene), Stopwatch::start()),
+                |(stack, watch), mut piece| {
+                    self.trace_piece(stack, source, spec, done, &mut piece);
+                    *piece.seconds = watch.lap();
+                },
             );
             out.task_seconds.resize(tasks.len(), 0.0);
             let share = 1.0 / self.executor.threads() as f32;
@@ -234,15 +237,14 @@ impl Worker {
         source: &RaySource,
         spec: StreamSpec,
         done: Option<&RayMask>,
-        piece: Piece<'_>,
+        piece: &mut Piece<'_>,
     ) {
-        let watch = Stopwatch::start();
         let range = piece.first..piece.first + piece.hits.len() as u32;
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
         if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec, spec.counts)) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
-            let counts = spec.counts.then_some(piece.counts);
+            let counts = spec.counts.then_some(&mut *piece.counts);
             launches.trace(source, spec, range, done, Results { hits: piece.hits, counts });
         } else {
             let mut counts = piece.counts.iter_mut();
@@ -258,7 +260,6 @@ impl Worker {
                 }
             }
         }
-        *piece.seconds = watch.seconds();
     }
 
     fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {

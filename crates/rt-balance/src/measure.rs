@@ -7,7 +7,7 @@ use crate::plan::Plan;
 use crate::report::{Activity, DeviceReport, EstimateReport, ModelReport, StreamReport, StreamRun};
 use crate::run::Ran;
 use crate::{Scheduling, Stream};
-use rt_core::{TaskId, TestCounts, Work};
+use rt_core::{CostModel, TaskId, TestCounts, Work};
 use rt_sched::metrics;
 use std::time::Duration;
 
@@ -72,6 +72,7 @@ pub(crate) fn measure(
             chosen: scheduling.estimator.chosen().to_owned(),
             reason: scheduling.estimator.reason(),
             fraction: share(estimated.walked as f64, f64::from(stream.source.len())),
+            are_speeds_known: plan.models.iter().any(|model| *model != CostModel::UNIT),
             uninformed_excess: estimated.uninformed_excess,
             seconds: estimate_s,
             overhead: metrics::overhead(estimate_s, makespan_s),
@@ -88,6 +89,7 @@ pub(crate) fn measure(
         lower_bound_s: None,
         excess: None,
         devices,
+        task_times: None,
     };
     StreamRun {
         report,

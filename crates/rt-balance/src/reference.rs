@@ -5,7 +5,7 @@ use crate::device_state::{DeviceState, all_lost, cancelled};
 use crate::device_thread::{Answer, Call, Done};
 use crate::limits::{Heard, earlier, hear};
 use crate::measure::tests_of;
-use crate::report::{ErrorReport, StreamRun};
+use crate::report::{ErrorReport, StreamRun, TaskTimes};
 use crate::stats::median;
 use crate::{Audit, BalanceError, Control, Limits, Stream, clock};
 use rt_core::{Launch, TestCounts};
@@ -170,10 +170,19 @@ impl Reference {
         Some(Self { seconds, tests: first.tests.clone(), lower_bound_s, wall_s })
     }
 
-    /// Fills in what only a reference pass knows: lower bound, excess, and both estimation errors.
+    /// Fills in what only a reference pass knows: lower bound, excess, both estimation errors, and each task's times.
     pub fn judge(&self, run: &mut StreamRun) {
         run.reference_s = Some(self.wall_s);
+        let known = |seconds: &Vec<f64>| seconds.iter().map(|&s| s.is_finite().then_some(s)).collect::<Vec<_>>();
         let report = &mut run.report;
+        report.task_times = Some(TaskTimes {
+            rays: run.tasks.iter().map(|task| task.rays).collect(),
+            kept: run.kept.clone(),
+            alone_s: self.seconds.iter().map(known).collect(),
+            device: run.device_of.clone(),
+            predicted_s: known(&run.predicted_s),
+            measured_s: known(&run.measured_s),
+        });
         report.lower_bound_s = Some(self.lower_bound_s);
         report.excess = metrics::excess(report.makespan_s, self.lower_bound_s);
         let estimated: Vec<f64> = run.work.iter().map(|work| f64::from(work.tests())).collect();

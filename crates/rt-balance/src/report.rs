@@ -5,7 +5,7 @@ use rt_core::{CostEstimator, StreamKind, TaskId, Work};
 use rt_sched::calibrate::Fit;
 use rt_sched::estimate::Uniform;
 use rt_sched::metrics::EstimateErrors;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One stream of a run, as written to `report.json`. Seconds throughout; `None` (null) where a value is not known.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,6 +35,27 @@ pub struct StreamReport {
     pub excess: Option<f64>,
     /// One entry for each device, in the order they were given.
     pub devices: Vec<DeviceReport>,
+    /// Task by task, from the reference pass.
+    pub task_times: Option<TaskTimes>,
+}
+
+/// What the tasks of a stream took and were expected to take, one entry for each: what other machines can be simulated
+/// with. `None` (null) where seconds are not known.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TaskTimes {
+    /// Rays of each task.
+    pub rays: Vec<u32>,
+    /// Rays of each task whose hits the estimation had found, so that they were not traced again.
+    pub kept: Vec<u32>,
+    /// Seconds of each task traced alone, all its rays, on each device (`alone_s[device][task]`); empty for a device
+    /// that failed.
+    pub alone_s: Vec<Vec<Option<f64>>>,
+    /// The device that traced each task in the run.
+    pub device: Vec<u32>,
+    /// Predicted seconds of each task on that device, without the rays that were kept.
+    pub predicted_s: Vec<Option<f64>>,
+    /// Seconds of each task in the run, on that device, without the rays that were kept.
+    pub measured_s: Vec<Option<f64>>,
 }
 
 /// The estimation of one stream.
@@ -48,6 +69,8 @@ pub struct EstimateReport {
     pub reason: Option<String>,
     /// Share of the rays that was walked, without a unit.
     pub fraction: f64,
+    /// Whether it had been measured before how fast the devices are.
+    pub are_speeds_known: bool,
     /// What the makespan was expected to lose without an estimate, as a share of it: the most that an estimate can
     /// gain. 1 for static lists before it is known how fast the devices are.
     pub uninformed_excess: f64,

@@ -426,6 +426,7 @@ impl Run<'_> {
             from += task.rays as usize;
         }
         if flight.queued {
+            queue.took(index, &flight.tasks, launch.span.busy().as_secs_f64());
             queue.finish(index, &flight.tasks);
         }
         if back {

@@ -7,6 +7,7 @@ mod figure1;
 mod parse;
 mod render;
 mod scene;
+mod simulate;
 mod trace;
 mod tradeoff;
 mod verify;
@@ -20,6 +21,7 @@ pub(crate) use render::RenderArgs;
 use rt_report::exit::Exit;
 use rt_scene::scenes;
 pub(crate) use scene::{PrecisionArg, SceneArgs};
+pub(crate) use simulate::SimulateArgs;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 pub(crate) use trace::TraceArgs;
@@ -67,6 +69,8 @@ pub(crate) enum Command {
     /// Draw the paper's Figure 1: tracing time against task size, with and without cost initialisation
     #[command(name = "figure1")]
     Figure1(Figure1Args),
+    /// Play machines that are not there from measured task times: every strategy's makespan, excess and launches
+    Simulate(Box<SimulateArgs>),
     /// Measure what speed costs in accuracy: every trade within a time budget, or the one named
     Tradeoff(TradeoffArgs),
     /// Check the promises about hits (watertight, exact, deterministic) on this machine's devices

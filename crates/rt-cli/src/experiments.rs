@@ -1,13 +1,15 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
-use crate::args::{BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, TradeArg, TradeArgs, TradeoffArgs};
+use crate::args::{
+    BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, SimulateArgs, TradeArg, TradeArgs, TradeoffArgs,
+};
 use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
 use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_balance::devices::AUTO;
 use rt_lab::tradeoff::{Chosen, precision};
-use rt_lab::{Lab, Show, bench, figure1, tradeoff};
+use rt_lab::{Lab, Show, bench, figure1, simulate, tradeoff};
 use rt_report::print::{Stdout, note};
 use rt_scene::prepare::Prepared;
 use std::io::{self, Write};
@@ -80,6 +82,24 @@ pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
         out: args.out.clone(),
     };
     measure(&args.scenes, &args.source, |lab| figure1::run(lab, &options))
+}
+
+pub(crate) fn simulate(args: &SimulateArgs) -> Result<()> {
+    require_room(pixels(args.from.is_none().then_some(args.size)), "choose a smaller --size")?;
+    let options = simulate::Options {
+        scene: args.scene.clone(),
+        from: args.from.clone(),
+        devices: args.devices.clone(),
+        speeds: args.speeds.clone(),
+        nodes: args.nodes.clone(),
+        launch_s: args.launch.map(|launch| launch.as_secs_f64()),
+        claim_s: args.claim.as_secs_f64(),
+        task_size: args.task_size,
+        size: args.size,
+        seed: args.seed,
+        out: args.out.clone(),
+    };
+    measure(std::slice::from_ref(&args.scene), &args.source, |lab| simulate::run(lab, &options))
 }
 
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {

@@ -52,6 +52,7 @@ fn run(cli: Cli) -> Result<()> {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
         Command::Figure1(args) => experiments::figure1(&args),
+        Command::Simulate(args) => experiments::simulate(&args),
         Command::Tradeoff(args) => experiments::tradeoff(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Bench(args) => experiments::bench(&args),

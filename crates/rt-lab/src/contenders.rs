@@ -53,6 +53,9 @@ pub const CENTRAL_COST: Contender = contender("central, cost-initialised", Queue
 /// The hybrid queue that knows nothing: the rival of every estimate.
 pub const HYBRID: Contender = contender("hybrid", QueueKind::Hybrid, None, Estimate::None);
 
+/// The hybrid queue with costs.
+pub const HYBRID_COST: Contender = contender("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimate::Asked);
+
 /// Every contender.
 pub const CONTENDERS: [Contender; 10] = [
     BLOCKS,
@@ -63,7 +66,7 @@ pub const CONTENDERS: [Contender; 10] = [
     CENTRAL_COST,
     contender("central, reduced traversal", QueueKind::Central, None, Estimate::By("reduced")),
     HYBRID,
-    contender("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimate::Asked),
+    HYBRID_COST,
     contender("hybrid, auto", QueueKind::Hybrid, None, Estimate::By("auto")),
 ];
 

@@ -3,6 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
+//! | [`simulate`] | machines that are not there, played from measured task times |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
 //! | [`contenders`] | the ways to schedule that experiments compare |
 //! | [`arguments`] | values on the command lines of programs that run experiments |
@@ -21,6 +22,7 @@ pub mod bench;
 pub mod contenders;
 pub mod figure1;
 mod lab;
+pub mod simulate;
 mod subject;
 mod time_budget;
 pub mod tradeoff;

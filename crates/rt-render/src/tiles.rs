@@ -29,8 +29,14 @@ const TESTS_PER_RAY: u64 = 16;
 /// Cuts a picture into tiles for `ranks` processes, none larger than a wave.
 #[must_use]
 pub fn cut(waves: Waves, samples: u32, ranks: u32) -> Waves {
-    let most = waves.pixels() * u64::from(samples.max(1)) / LEAST_PATHS;
-    waves.split((PER_RANK * u64::from(ranks)).min(most))
+    let paths = waves.pixels() * u64::from(samples.max(1));
+    waves.split(count(paths, ranks))
+}
+
+/// Into how many tiles so many paths are cut for `ranks` processes; 0 where they are fewer than a tile has.
+#[must_use]
+pub fn count(paths: u64, ranks: u32) -> u64 {
+    (PER_RANK * u64::from(ranks)).min(paths / LEAST_PATHS)
 }
 
 /// The tiles of one frame, as a process renders them.

@@ -103,6 +103,7 @@ fn stream(kind: StreamKind, start_s: f64, speeds: &[f64], launches: u32) -> Stre
         lower_bound_s: Some(makespan_s * 0.99),
         excess: Some(0.0101),
         devices,
+        task_times: None,
     };
     StreamRun {
         report,

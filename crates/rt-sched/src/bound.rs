@@ -17,10 +17,7 @@ use alloc::vec::Vec;
 /// without devices.
 #[must_use]
 pub fn related(costs: &[f64], speeds: &[f64]) -> f64 {
-    let mut costs: Vec<f64> = costs.iter().copied().filter(|c| *c > 0.0).collect();
-    let mut speeds: Vec<f64> = speeds.iter().copied().filter(|s| *s > 0.0).collect();
-    costs.sort_unstable_by(|a, b| b.total_cmp(a));
-    speeds.sort_unstable_by(|a, b| b.total_cmp(a));
+    let (mut costs, speeds) = (decreasing(costs), decreasing(speeds));
     let (Some(&highest), Some((&fastest, &slowest))) = (costs.first(), speeds.first().zip(speeds.last())) else {
         return if costs.is_empty() { 0.0 } else { f64::INFINITY };
     };
@@ -45,6 +42,14 @@ pub fn related(costs: &[f64], speeds: &[f64]) -> f64 {
         }
     }
     bound
+}
+
+/// Those that are positive, the greatest first.
+fn decreasing(values: &[f64]) -> Vec<f64> {
+    // The bits of positive numbers are in their order, and whole numbers are sorted twice as fast.
+    let mut bits: Vec<u64> = values.iter().filter(|value| **value > 0.0).map(|value| !value.to_bits()).collect();
+    bits.sort_unstable();
+    bits.into_iter().map(|bits| f64::from_bits(!bits)).collect()
 }
 
 /// Least makespan when `seconds[d][j]` is what task `j` takes on device `d`, in any relation.

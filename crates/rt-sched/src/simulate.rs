@@ -144,6 +144,7 @@ impl Running<'_> {
         match event.what {
             What::End => {
                 let Some(launch) = self.devices[device].in_flight.pop_front() else { return };
+                self.queue.took(device, &launch.tasks, launch.end_s - launch.start_s);
                 self.queue.finish(device, &launch.tasks);
                 self.result.busy_s[device] += launch.end_s - launch.start_s;
                 self.result.makespan_s = self.result.makespan_s.max(launch.end_s);

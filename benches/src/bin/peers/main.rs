@@ -1,6 +1,7 @@
 //! This project beside Embree and obvhs: the same rays, in one process, in turns.
 //!
-//! `cargo run --release -p rt-benches --bin peers -- SCENE... [--builder NAME] [--runs 9] [--size 1024x1024] [--rays FILE.npy]`
+//! `cargo run --release -p rt-benches --bin peers -- SCENE... [--builder NAME] [--runs 9] [--size 1024x1024] [--threads 1,2]
+//! [--rays FILE.npy]`
 //!
 //! Scenes are `yard`, `car` or OBJ files. Their rays are those of a picture: camera rays, shadow rays and diffuse
 //! bounces; with `--rays` those of a file, as `raybalance trace` reads it, asked for nearest hits. Nobody says whether
@@ -13,9 +14,11 @@
 
 mod contender;
 mod judge;
+mod page;
 
 use contender::{Contender, Run, Traced};
 use judge::Judge;
+use page::{Cell, Line, Who};
 use rt_balance::stats::Summary;
 use rt_benches::{NamedStream, options};
 use rt_bvh::Builder;
@@ -35,6 +38,7 @@ struct Options {
     builder: Builder,
     runs: usize,
     size: [u32; 2],
+    threads: Vec<usize>,
     rays: Option<PathBuf>,
 }
 
@@ -46,9 +50,11 @@ fn run_all() -> Result<(), Box<dyn Error>> {
     let options = Options::parse()?;
     write!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(Stdout, "* load of the machine at the start and the end: {}", load())?;
+    let mut cells = Vec::new();
     for name in &options.scenes {
-        bench(name, &options)?;
+        bench(name, &options, &mut cells)?;
     }
+    page::print(&cells)?;
     writeln!(Stdout, "\nLoad at the end: {}", load())?;
     Ok(())
 }
@@ -58,7 +64,7 @@ fn load() -> String {
     std::fs::read_to_string("/proc/loadavg").map_or_else(|_| "unknown".to_owned(), |text| text.trim().to_owned())
 }
 
-fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
+fn bench(name: &str, options: &Options, cells: &mut Vec<Cell>) -> Result<(), Box<dyn Error>> {
     let prepared = rt_benches::open(name, options.builder)?;
     let (model, scene) = (&prepared.model, &prepared.built.scene);
     writeln!(
@@ -69,12 +75,13 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
         options.builder,
         prepared.build_s
     )?;
-    let (mut contenders, missing) = contender::all(model, scene)?;
+    let (mut contenders, missing) = contender::all(model, scene, &options.threads)?;
     missing.iter().try_for_each(|reason| writeln!(Stdout, "\nLeft out: {reason}"))?;
     writeln!(Stdout, "\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |")?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|")?;
     for (kind, source, query) in streams(&prepared, options)? {
-        compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.runs)?;
+        let lines = compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.runs)?;
+        cells.push(Cell { scene: prepared.name.clone(), rays: kind, lines });
     }
     Ok(())
 }
@@ -94,7 +101,7 @@ fn explicit(source: &RaySource) -> Arc<[Ray]> {
     (0..source.len()).map(|i| source.ray(i).0).collect()
 }
 
-/// Has everybody trace the rays in turns, and prints a line for each.
+/// Has everybody trace the rays in turns, and prints and returns a line for each.
 fn compare(
     kind: &str,
     rays: &Arc<[Ray]>,
@@ -102,7 +109,7 @@ fn compare(
     contenders: &mut [Contender],
     judge: &Judge,
     runs: usize,
-) -> Result<(), Box<dyn Error>> {
+) -> Result<Vec<Line>, Box<dyn Error>> {
     let mut traced: Vec<Vec<Traced>> = Vec::new();
     let mut seconds = vec![Vec::new(); contenders.len()];
     // The first run warms caches up, and its answers are looked at.
@@ -117,43 +124,65 @@ fn compare(
         }
     }
     let middle = |i: usize| Summary::new(&seconds[i]).median;
-    let peers = (0..contenders.len()).filter(|&i| contenders[i].is_embree());
+    let peers = (0..contenders.len()).filter(|&i| matches!(contenders[i].who, Who::Embree(_)));
     let best = peers.min_by(|&a, &b| middle(a).total_cmp(&middle(b)));
-    let ours = contenders.iter().rposition(Contender::is_ours).ok_or("this project is among the contenders")?;
+    let ours = contenders
+        .iter()
+        .rposition(|contender| matches!(contender.who, Who::Ours(_, 1)))
+        .ok_or("this project is among the contenders")?;
     let found = judge.judge(rays, query, &traced, ours);
     let speed = |seconds: f64| rays.len() as f64 / seconds / 1e6;
+    let per_million = |count: usize| count as f64 / rays.len() as f64 * 1e6;
+    let mut lines = Vec::new();
     for (i, contender) in contenders.iter().enumerate() {
         let least = seconds[i].iter().copied().fold(f64::INFINITY, f64::min);
-        let ratio = best.map_or_else(String::new, |best| {
-            let ratio = Summary::of_ratios(&seconds[best], &seconds[i]);
-            format!("{:.2} [{:.2}, {:.2}]", ratio.median, ratio.low, ratio.high)
-        });
-        let per_million = |count: usize| count as f64 / rays.len() as f64 * 1e6;
+        let line = Line {
+            who: contender.who.clone(),
+            speed: speed(middle(i)),
+            ratio: best.map(|best| Summary::of_ratios(&seconds[best], &seconds[i])),
+            missed: per_million(found[i].missed),
+            phantom: per_million(found[i].phantom),
+        };
+        let ratio = line
+            .ratio
+            .as_ref()
+            .map_or_else(String::new, |ratio| format!("{:.2} [{:.2}, {:.2}]", ratio.median, ratio.low, ratio.high));
         writeln!(
             Stdout,
             "| {kind} | {} | {:.2} | {:.2} | {ratio} | {:.1} | {:.1} |",
             contender.name,
-            speed(middle(i)),
+            line.speed,
             speed(least),
-            per_million(found[i].missed),
-            per_million(found[i].phantom),
+            line.missed,
+            line.phantom,
         )?;
+        lines.push(line);
     }
-    Ok(())
+    Ok(lines)
 }
 
 impl Options {
     fn parse() -> Result<Self, Box<dyn Error>> {
-        let (mut builder, mut rays) = (Builder::Sah, None);
+        let (mut builder, mut rays, mut threads) = (Builder::Sah, None, vec![1, 2]);
         let shared = options::Options::parse([1024, 1024], |name, value| {
             match name {
                 "--builder" => builder = value()?.parse()?,
+                "--threads" => threads = threads_of(&value()?)?,
                 "--rays" => rays = Some(PathBuf::from(value()?)),
                 _ => return Ok(false),
             }
             Ok(true)
         })?;
         let options::Options { scenes, runs, size } = shared;
-        Ok(Self { scenes, builder, runs, size, rays })
+        Ok(Self { scenes, builder, runs, size, threads, rays })
     }
+}
+
+/// Numbers of threads, one of them 1: what is measured in processor time stands for this project.
+fn threads_of(text: &str) -> Result<Vec<usize>, Box<dyn Error>> {
+    let threads: Vec<usize> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
+    if threads.contains(&0) || !threads.contains(&1) {
+        return Err(format!("--threads {text}: numbers from 1 on with commas between them, 1 among them").into());
+    }
+    Ok(threads)
 }

@@ -1,8 +1,7 @@
 //! How work is cut, estimated and dealt.
 
-use super::DeviceArgs;
-use super::heading;
 use super::parse::{named, parse_devices, parse_fraction, parse_seconds, reduced_walk};
+use super::{DeviceArgs, heading};
 use clap::Args;
 use rt_balance::QueueKind;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};

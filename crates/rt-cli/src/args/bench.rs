@@ -1,8 +1,7 @@
 //! Options of `raybalance bench`.
 
-use super::heading;
 use super::parse::parse_devices;
-use super::{DeviceArgs, SceneArgs};
+use super::{DeviceArgs, SceneArgs, heading};
 use clap::Args;
 use std::path::PathBuf;
 

@@ -1,8 +1,7 @@
 //! Options of `raybalance figure1`.
 
-use super::heading;
 use super::parse::{parse_devices, parse_size};
-use super::{EstimateArgs, SceneArgs};
+use super::{EstimateArgs, SceneArgs, heading};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -24,8 +23,7 @@ pub(crate) struct Figure1Args {
     pub(crate) replay: Option<u32>,
     /// Task sizes in rays
     #[arg(long, help_heading = heading::EXPERIMENT, value_delimiter = ',', default_value = "64,256,1024,4096,16384",
-          value_name = "RAYS",
-          value_parser = clap::value_parser!(u32).range(1..))]
+          value_name = "RAYS", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) task_sizes: Vec<u32>,
     /// Size of the picture in pixels, one ray each [default: 1024x640; 320x200 with --quick]
     #[arg(long, help_heading = heading::EXPERIMENT, value_parser = parse_size, value_name = "WxH")]

@@ -61,6 +61,12 @@ const WRONG: &[(&str, &str)] = &[
     ("figure1 scene.obj --repeat 0", "--repeat"),
     ("figure1 scene.obj --out scene.obj", "--out"),
     ("figure1 nothing --quick --devices cpu:1", "yard, car"),
+    ("simulate scene.obj --devices 0", "--devices"),
+    ("simulate scene.obj --speeds 1,0", "--speeds"),
+    ("simulate scene.obj --nodes 0", "--nodes"),
+    ("simulate scene.obj --from report.json", "--from"),
+    ("simulate scene.obj --out scene.obj", "--out"),
+    ("simulate nothing --devices 2", "yard, car"),
     ("tradeoff scene.obj --devices cpu:0", "cpu:0"),
     ("tradeoff scene.obj --out scene.obj", "--out"),
     ("tradeoff build scene.obj --devices cpu:1,cpu:1", "one device"),
@@ -134,6 +140,9 @@ fn what_is_not_to_be_had_is_1() {
         ("verify missing.obj", "missing.obj"),
         ("bench missing.obj --devices cpu:1", "missing.obj"),
         ("figure1 missing.obj --quick --devices cpu:1", "missing.obj"),
+        ("simulate missing.obj --devices 2", "missing.obj"),
+        ("simulate --from missing.json", "missing.json"),
+        ("simulate --from scene.obj", "scene.obj is no report.json"),
         ("tradeoff build missing.obj --quick", "missing.obj"),
     ] {
         let ended = folder.run(words);

@@ -151,14 +151,15 @@ impl Plan<'_> {
         let task_s = reference.seconds.first().context("the device failed")?;
         let seen = Observed::of(&run);
         let speeds = vec![1.0; count];
-        let replay = Replay { speeds: &speeds, task_s, launch_s: seen.launch_s };
+        let replay = Replay { speeds: &speeds, task_s, launch_s: seen.launch_s, hand_over_s: 0.0 };
         let rays: Vec<u32> = stream.tasks.iter().map(|task| task.rays).collect();
         Ok(CONFIGS.map(|config| {
             let scheduling = self.scheduling(&config);
             if config.estimate == Estimate::Asked {
-                replay.cost_initialised(&scheduling, &seen)
+                let (run, estimate_s) = replay.cost_initialised(&scheduling, &seen);
+                (estimate_s + run.makespan_s, estimate_s)
             } else {
-                (replay.regular(&scheduling, &rays), 0.0)
+                (replay.regular(&scheduling, &rays).makespan_s, 0.0)
             }
         }))
     }

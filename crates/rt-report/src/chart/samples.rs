@@ -53,6 +53,7 @@ pub(crate) fn run(devices: usize, activities: Vec<Activity>) -> StreamRun {
         lower_bound_s: None,
         excess: None,
         devices: vec![device; devices],
+        task_times: None,
     };
     StreamRun {
         report,

@@ -59,18 +59,10 @@ pub struct HybridQueue {
     paces: Paces,
     /// Share of the stream that is before each position of the slots.
     before: Box<[f64]>,
-    devices: Box<[Launching]>,
+    /// Share of the stream that the first launches of each device take.
+    first: Box<[f64]>,
     /// Seconds until the last device will have ended its list.
     plan: f64,
-}
-
-/// How a device launches.
-#[derive(Debug)]
-struct Launching {
-    /// What a launch costs, as a share of the stream that could be done meanwhile.
-    price: f64,
-    /// Share of the stream that its first launches take.
-    first: f64,
 }
 
 /// A list in which tasks of equal work come in an order of which every stretch is from all over the picture: nothing is
@@ -118,17 +110,13 @@ impl HybridQueue {
             plan = plan.max((sum - start) / paces.predicted(device));
         }
         let together: f64 = (0..models.len()).map(|device| paces.predicted(device)).sum();
-        let launching = |(device, model): (usize, &CostModel)| {
-            let speed = paces.predicted(device);
-            Launching { price: model.per_launch() * speed, first: FIRST * speed / together }
-        };
-        let devices = models.iter().enumerate().map(launching).collect();
+        let first = (0..models.len()).map(|device| FIRST * paces.predicted(device) / together).collect();
         Self {
             slots: Slots::new(&lists),
             ledger: Ledger::new(schedule.tasks(), lists.len()),
             paces,
             before: before.into(),
-            devices,
+            first,
             plan,
         }
     }
@@ -147,12 +135,18 @@ impl HybridQueue {
     fn launch_size(&self, device: usize, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
         let list = self.before[end] - self.before[start];
-        let Launching { price, first } = self.devices[device];
         let part = if self.paces.are_costs_known() { LAUNCH_SHARE } else { CAUTIOUS_SHARE };
-        let cautious = part * list.min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
-        let (launches, worth) = self.paces.launches(list, price);
-        let first = first.max(list * libm::exp2(1.0 - launches));
-        let share = cautious.max(worth * list).min(GROWTH * self.paces.sure(device) + first);
+        let fair = list.min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
+        let cautious = part * fair;
+        let (own, first) = match self.paces.is_anything_known() {
+            true => (list, self.first[device]),
+            // A list that was cut for another speed than the device turns out to have is not its to launch. Launches of
+            // several sizes tell what one costs from what its tasks take.
+            false => (fair, self.first[device] + self.paces.mean_share() * self.paces.ended(device)),
+        };
+        let (launches, worth) = self.paces.launches(device, own);
+        let first = first.max(own * libm::exp2(1.0 - launches));
+        let share = cautious.max(worth * own).min(GROWTH * self.paces.sure(device) + first);
         let count = self.before[start + 1..=end].partition_point(|&s| s <= self.before[start] + share).max(1);
         count.min(end - start) as u32
     }
@@ -255,6 +249,10 @@ impl TaskQueue for HybridQueue {
         self.paces.launch(device, out);
         self.ledger.hand_out(device, out);
         Pop::Launch
+    }
+
+    fn took(&self, device: usize, tasks: &[TaskId], seconds: f64) {
+        self.paces.took(device, tasks, seconds);
     }
 
     fn finish(&self, device: usize, tasks: &[TaskId]) {

@@ -14,8 +14,9 @@
 //! * no call blocks or spins: a call that finds its word changed by another starts over, so some call always gets
 //!   through (lock-free). No call panics; devices and tasks that do not exist are ignored or told `Done`.
 //!
-//! Queues own no thread and no clock. What a caller owes them: every task of a launch is in the end named in `finish`
-//! or in `retire`, and a device told [`Pop::Wait`] asks again after the next `finish` or `retire` of any device.
+//! Queues own no thread and no clock; a caller that has one tells what launches took. What a caller owes them: every
+//! task of a launch is in the end named in `finish` or in `retire`, and a device told [`Pop::Wait`] asks again after
+//! the next `finish` or `retire` of any device.
 //! The driver of rt-balance calls from one thread; others may call from one for each device.
 
 mod atomics;
@@ -30,6 +31,7 @@ mod pace;
 mod slots;
 #[cfg(all(test, not(loom)))]
 mod tests;
+mod timed;
 
 pub use central::CentralQueue;
 pub use fixed::StaticQueue;
@@ -60,6 +62,14 @@ pub trait TaskQueue: Debug + Send + Sync {
 
     /// Says that the hits of `tasks`, popped by `device`, are on the host.
     fn finish(&self, device: usize, tasks: &[TaskId]);
+
+    /// Says, before [`TaskQueue::finish`], for how many seconds `device` was busy with the launch of `tasks`: its tasks
+    /// and what the launch costs the device beside them, not what the host does meanwhile.
+    ///
+    /// A queue that leaves this out learns from the order of events alone.
+    fn took(&self, device: usize, tasks: &[TaskId], seconds: f64) {
+        let _ = (device, tasks, seconds);
+    }
 
     /// Says that `device` is lost, or so late that it may be, and will perhaps finish none of `unfinished`.
     ///

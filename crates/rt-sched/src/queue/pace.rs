@@ -1,6 +1,7 @@
 //! How fast devices are found to be, without a clock.
 
 use super::ledger::Ledger;
+use super::timed::Timed;
 use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
 // Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
@@ -26,6 +27,10 @@ const FASTER: f64 = 1.5;
 
 /// What launches may cost of what their tasks deviate by, without a unit: they do not mend all of it.
 const SPENT: f64 = 1.0 / 8.0;
+
+/// How much longer launches are than what launches are found to cost and what is left, in the geometric mean, without a
+/// unit: at 10% of a list one launch, at 1% three, at 0.1% ten.
+const LONGER: f64 = 3.0;
 
 /// Fewest launches of a list that is launched in several.
 const FEWEST: f64 = 8.0;
@@ -53,7 +58,6 @@ const ROUNDING: f64 = 1e-6;
 /// that has not come as far as it should, even if all that it has in flight were finished in this moment, is slower
 /// than predicted, and then it is as fast as what it finished, and half of what it has in flight, says. As long as
 /// nothing contradicts a prediction it is believed: whoever is in the middle of a long launch does not look slow.
-/// Waiting for a task is no sign of being slow either: that time is left out.
 ///
 /// Times are in seconds of the predictions. They may all be wrong by one factor, such as before anything was measured.
 #[derive(Debug)]
@@ -92,12 +96,9 @@ struct Pace {
     flying: AtomicU64,
     /// The speed that it was last found to have.
     found: AtomicU64,
-    /// Seconds that it waited for a task.
-    waited: AtomicU64,
-    /// Since when it waits; [`BUSY`] if it does not.
-    since: AtomicU64,
     /// When it was last told to wait, in [`Paces::events`].
     told: AtomicU64,
+    timed: Timed,
 }
 
 impl Pace {
@@ -109,19 +110,17 @@ impl Pace {
     }
 }
 
-/// How many launches a list is worth that deviates by `deviation`, where one costs `price`, both as a share of it.
-fn mending(deviation: f64, price: f64) -> f64 {
+/// How many launches a list of so many tasks is worth that deviates by `deviation`, where one costs `price`, both as a
+/// share of it.
+fn mending(tasks: f64, deviation: f64, price: f64) -> f64 {
     let launches = SPENT * deviation / price;
-    if launches < FEWEST { 1.0 } else { launches }
+    if launches < FEWEST.min(tasks) { 1.0 } else { launches }
 }
 
 /// The same of a list of so many tasks of which nothing is known.
 pub(crate) fn mending_launches(tasks: f64, price: f64) -> f64 {
-    mending(SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
+    mending(tasks, SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
 }
-
-/// No time at all.
-const BUSY: u64 = u64::MAX;
 
 /// What is to be thought of a device at some moment.
 #[derive(Clone, Copy, Debug)]
@@ -167,13 +166,13 @@ fn share(units: &AtomicU64) -> f64 {
 
 /// How little is known of costs: as [`Paces::noise`].
 fn noise(work: &[Work]) -> f64 {
-    let alike = work.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    if 2 * alike > work.len() {
-        return UNKNOWN;
-    }
     let errors = work.iter().try_fold(0.0, |sum, work| Some(sum + f64::from(work.std_error()?)));
     let tests: f64 = work.iter().map(|work| f64::from(work.tests())).sum();
-    errors.map(|errors| errors / tests).filter(|noise| noise.is_finite()).map_or(UNSAID, |noise| noise.min(UNKNOWN))
+    if let Some(noise) = errors.map(|errors| errors / tests).filter(|noise| noise.is_finite()) {
+        return noise.min(UNKNOWN);
+    }
+    let alike = work.windows(2).filter(|pair| pair[0] == pair[1]).count();
+    if 2 * alike > work.len() { UNKNOWN } else { UNSAID }
 }
 
 /// Subtracts as much as there is.
@@ -188,10 +187,11 @@ impl Paces {
         let sum = total(work);
         let pace = |model: &CostModel| {
             let speed = speed(model, &sum);
-            let [done, flying, waited, told] = [0; 4].map(AtomicU64::new);
-            let [found, since] = [speed.to_bits(), BUSY].map(AtomicU64::new);
+            let [done, flying, told] = [0; 3].map(AtomicU64::new);
+            let found = AtomicU64::new(speed.to_bits());
             let launches = [0; 2].map(AtomicUsize::new);
-            Pace { speed, launch_s: model.per_launch(), launches, done, flying, found, waited, since, told }
+            let (launch_s, timed) = (model.per_launch(), Timed::default());
+            Pace { speed, launch_s, launches, done, flying, found, told, timed }
         };
         let devices: Box<[Pace]> = models.iter().map(pace).collect();
         let share = |(task, work): (TaskId, &Work)| {
@@ -224,13 +224,18 @@ impl Paces {
         self.noise < UNKNOWN
     }
 
+    /// Whether costs or speeds are known.
+    pub(crate) const fn is_anything_known(&self) -> bool {
+        self.predicts || self.are_costs_known()
+    }
+
     /// What a task is of the whole stream.
     pub(crate) fn share(&self, task: TaskId) -> f64 {
         self.shares.get(task as usize).map_or(0.0, |&share| share.into())
     }
 
     /// The mean of [`Paces::share`].
-    fn mean_share(&self) -> f64 {
+    pub(crate) fn mean_share(&self) -> f64 {
         self.all / self.shares.len().max(1) as f64
     }
 
@@ -250,23 +255,52 @@ impl Paces {
     }
 
     /// Into how many launches a device should divide a share of the stream, and which part of it the first of them
-    /// should be, where each costs `price`, a share of the stream too.
+    /// should be.
     ///
     /// What is launched is not moved any more, so one more launch pays where what its tasks deviate by, together, is
     /// worth more than it costs. Launches shrink geometrically to where the rest deviates by less than one costs. With
     /// few of them the last is so long that it mends nothing: then there is one.
-    pub(crate) fn launches(&self, share: f64, price: f64) -> (f64, f64) {
+    pub(crate) fn launches(&self, device: usize, share: f64) -> (f64, f64) {
+        let price = self.price(device);
         if price <= 0.0 {
             return (f64::INFINITY, 0.0);
         }
         let spread = if self.are_costs_known() { 1.0 } else { SPREAD };
+        if !self.is_anything_known() {
+            // Found, not known: the longer launches are, the less they cost together, and the less is left to be mended
+            // if that was wrong. This is in between, and harmless where a little was taken for the price of nothing.
+            let part = (LONGER * libm::sqrt(price / share)).min(1.0);
+            return (1.0 / part, part);
+        }
         let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
-        let launches = mending(spread * self.std_deviation(share) / share + doubt, price / share);
+        let tasks = share / self.mean_share();
+        let launches = mending(tasks, spread * self.std_deviation(share) / share + doubt, price / share);
         if launches <= 1.0 {
             return (1.0, 1.0);
         }
         let rest = (price / self.noise) * (price / self.noise) / (self.mean_share() * share);
-        (launches, 1.0 - libm::pow(rest.min(1.0), 1.0 / launches))
+        // Nothing is smaller than a task.
+        let rest = rest.max(self.mean_share() / share).min(1.0);
+        (launches, 1.0 - libm::pow(rest, 1.0 / launches))
+    }
+
+    /// What a launch costs a device beside its tasks, as a share of the stream that it could do meanwhile: as
+    /// predicted, or where nothing was, as launches were found to take. (Where costs were estimated, tasks that were
+    /// taken for too cheap look like short launches that take long.)
+    fn price(&self, device: usize) -> f64 {
+        let pace = &self.devices[device];
+        if self.is_anything_known() { pace.launch_s * pace.speed } else { pace.timed.price(self.noise) }
+    }
+
+    /// Says for how long a device was busy with a launch.
+    pub(crate) fn took(&self, device: usize, tasks: &[TaskId], seconds: f64) {
+        let share: f64 = tasks.iter().map(|&task| self.share(task)).sum();
+        if let Some(pace) = self.devices.get(device)
+            && share > 0.0
+            && seconds > 0.0
+        {
+            pace.timed.add(share, seconds);
+        }
     }
 
     /// By how much what a device has finished may deviate from its prediction without contradicting it.
@@ -301,6 +335,11 @@ impl Paces {
         (self.unfinished() - share(&self.flying)).max(0.0)
     }
 
+    /// Number of launches that a device has finished.
+    pub(crate) fn ended(&self, device: usize) -> f64 {
+        self.devices[device].launches[1].load(Relaxed) as f64
+    }
+
     /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
     pub(crate) fn sure(&self, device: usize) -> f64 {
         let done = share(&self.devices[device].done);
@@ -311,16 +350,15 @@ impl Paces {
     pub(crate) fn of(&self, device: usize) -> Found {
         let pace = &self.devices[device];
         let (now, done, flying) = (self.now(), share(&pace.done), share(&pace.flying));
-        let waited = get(&pace.waited);
         let [begun_s, ended_s] = pace.in_launches_s();
-        let expected = |share: f64| waited + begun_s + share / pace.speed;
+        let expected = |share: f64| begun_s + share / pace.speed;
         let slow = expected(done + flying + self.doubt(done + flying)) < now * (1.0 - ROUNDING);
         if flying == 0.0 {
             let speed = if slow { get(&pace.found) } else { pace.speed };
             return Found { speed, until: now, launch_s: pace.launch_s };
         }
         let come = done + BEGUN * flying;
-        let speed = if slow { pace.speed.min(come / (now - waited - ended_s).max(0.0)) } else { pace.speed };
+        let speed = if slow { pace.speed.min(come / (now - ended_s).max(0.0)) } else { pace.speed };
         let left = flying / speed + (begun_s - ended_s);
         let until = expected(done + flying);
         let until = match self.noise {
@@ -411,19 +449,11 @@ impl Paces {
     pub(crate) fn wait(&self, device: usize) {
         let Some(pace) = self.devices.get(device) else { return };
         pace.told.store(self.events.load(SeqCst), SeqCst);
-        if pace.flying.load(Relaxed) == 0 && pace.since.load(Relaxed) == BUSY {
-            pace.since.store(self.now.load(Relaxed), Relaxed);
-        }
     }
 
     /// Says that a device was given a launch.
     pub(crate) fn launch(&self, device: usize, tasks: &[TaskId]) {
         let Some(pace) = self.devices.get(device) else { return };
-        let since = pace.since.swap(BUSY, Relaxed);
-        if since != BUSY {
-            let waited = get(&pace.waited) + (get(&self.now) - f64::from_bits(since)).max(0.0);
-            pace.waited.store(waited.to_bits(), Relaxed);
-        }
         let units = self.units(tasks);
         pace.launches[0].fetch_add(1, Relaxed);
         pace.flying.fetch_add(units, Relaxed);
@@ -437,11 +467,11 @@ impl Paces {
         pace.launches[1].fetch_add(1, Relaxed);
         pace.done.fetch_add(units, Relaxed);
         self.done.fetch_add(units, Relaxed);
-        let (waited, done) = (get(&pace.waited), share(&pace.done));
+        let done = share(&pace.done);
         let [_, ended_s] = pace.in_launches_s();
         let least = (done - self.doubt(done)).max(0.0);
-        self.now.fetch_max((waited + ended_s + least / pace.speed).to_bits(), Relaxed);
-        let seconds = get(&self.now) - waited - ended_s;
+        self.now.fetch_max((ended_s + least / pace.speed).to_bits(), Relaxed);
+        let seconds = get(&self.now) - ended_s;
         let found = if seconds > 0.0 { pace.speed.min(done / seconds) } else { pace.speed };
         pace.found.store(found.to_bits(), Relaxed);
     }

@@ -121,9 +121,10 @@ fn hybrid_stays_within_one_percent() {
             }
             let [good, bad] = row[5];
             // With one launch in flight some 35 launches of 10 µs each, none of them hidden, are 0.8% of the shortest
-            // frame.
+            // frame (central queues: 10%). Of 64 tasks with an error of 30% a central queue makes 1.06%, two launches
+            // in flight, and LPT 6.5%.
             let limits = match (n, in_flight) {
-                (64, _) => [1.0, 2.0],
+                (64, _) => [1.0, 1.3],
                 (_, 1) => [1.0, 1.1],
                 _ => [0.3, 0.8],
             };

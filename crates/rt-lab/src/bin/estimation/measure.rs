@@ -46,7 +46,7 @@ pub(crate) struct Outcome {
 }
 
 /// Seconds of a launch beside its tasks: about what handing one over to a thread takes.
-const LAUNCH_S: f64 = 1e-5;
+const HAND_OVER_S: f64 = 1e-5;
 
 /// Excess of a hybrid queue on [`MACHINES`] that is started by `walked`, or knows nothing if that made no samples.
 ///
@@ -62,16 +62,17 @@ fn excess(walked: &Walked, tasks: &[Task], truth: &Truth) -> [f64; MACHINES.len(
         left,
         walks_s: walked.walk_s,
         planning_s: (walked.wall_s - walked.walk_s).max(0.0),
-        launch_s: LAUNCH_S,
+        launch_s: 0.0,
     };
     let rays: Vec<u32> = tasks.iter().map(|task| task.rays).collect();
     MACHINES.map(|(_, speeds)| {
-        let replay = Replay { speeds, task_s, launch_s: LAUNCH_S };
-        let total = if walked.knows {
-            replay.cost_initialised(&Scheduling::default(), &seen).0
+        let replay = Replay { speeds, task_s, launch_s: 0.0, hand_over_s: HAND_OVER_S };
+        let (run, estimate_s) = if walked.knows {
+            replay.cost_initialised(&Scheduling::default(), &seen)
         } else {
-            replay.regular(&Scheduling::default(), &rays)
+            (replay.regular(&Scheduling::default(), &rays), 0.0)
         };
+        let total = estimate_s + run.makespan_s;
         metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
     })
 }

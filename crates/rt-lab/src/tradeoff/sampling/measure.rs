@@ -253,8 +253,8 @@ fn regular(stream: &Stream, task_s: &[f64], launch_s: f64) -> [[f64; MACHINES.le
     REGULAR.map(|regular| {
         let scheduling = regular.scheduling(&ESTIMATORS[0].usual());
         MACHINES.map(|(_, speeds)| {
-            let replay = Replay { speeds, task_s, launch_s };
-            metrics::excess(replay.regular(&scheduling, &rays), replay.lower_bound()).unwrap_or(f64::NAN)
+            let replay = Replay { speeds, task_s, launch_s, hand_over_s: 0.0 };
+            metrics::excess(replay.regular(&scheduling, &rays).makespan_s, replay.lower_bound()).unwrap_or(f64::NAN)
         })
     })
 }
@@ -265,9 +265,9 @@ fn sample(tried: &StreamRun, plain: &StreamRun, task_s: &[f64]) -> Sample {
     let both = |errors: Option<ErrorReport>| errors.map_or([f64::NAN; 2], |errors| [errors.mean, errors.p95]);
     let seen = Observed::of(tried);
     let excess = MACHINES.map(|(_, speeds)| {
-        let replay = Replay { speeds, task_s, launch_s: seen.launch_s };
-        let (total, _) = replay.cost_initialised(&Scheduling::default(), &seen);
-        metrics::excess(total, replay.lower_bound()).unwrap_or(f64::NAN)
+        let replay = Replay { speeds, task_s, launch_s: seen.launch_s, hand_over_s: 0.0 };
+        let (run, estimate_s) = replay.cost_initialised(&Scheduling::default(), &seen);
+        metrics::excess(estimate_s + run.makespan_s, replay.lower_bound()).unwrap_or(f64::NAN)
     });
     let estimate = &tried.report.estimate;
     let ([counts, counts_p95], [time, time_p95]) = (both(estimate.errors_counts), both(estimate.errors_time));
