@@ -1,47 +1,37 @@
-//! Options that benchmarks of traversal share.
+//! Options that the benchmarks share; each has its own beside them, and `--help`.
 
-use std::error::Error;
+use clap::Args;
 
-/// Which scenes, how often, and how large a picture.
-#[derive(Debug)]
+/// Which scenes, and how often.
+#[derive(Clone, Debug, Args)]
 pub struct Options {
-    /// As [`crate::open`] names them.
+    /// Built-in scenes (yard, car) or OBJ files, beside which a cameras.tsv is heeded
+    #[arg(default_values = ["yard", "car"], value_name = "SCENE")]
     pub scenes: Vec<String>,
-    /// Interleaved runs, at least one.
-    pub runs: usize,
-    /// Width and height of the picture in pixels.
-    pub size: [u32; 2],
+    /// Interleaved repetitions that count
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
+    pub repeat: u32,
 }
 
-impl Options {
-    /// Reads the command line; the picture is of `size` where it says nothing. `own` is shown each other option with
-    /// what gives its value, and says whether it knows it.
-    ///
-    /// # Errors
-    /// When an option is unknown, or its value wrong or missing.
-    pub fn parse(
-        size: [u32; 2],
-        mut own: impl FnMut(&str, &mut dyn FnMut() -> Result<String, String>) -> Result<bool, Box<dyn Error>>,
-    ) -> Result<Self, Box<dyn Error>> {
-        let mut options = Self { scenes: Vec::new(), runs: 7, size };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other if own(other, &mut value)? => {}
-                other => return Err(format!("unknown option {other}").into()),
-            }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+/// The place of a Vulkan device in the system's list, as lists of devices name it: `vulkan:0`.
+///
+/// # Errors
+/// When it is another text.
+pub fn vulkan(text: &str) -> Result<usize, String> {
+    let place = text.trim().strip_prefix("vulkan:").and_then(|place| place.parse().ok());
+    place.ok_or_else(|| format!("`{text}` is no Vulkan device, such as vulkan:0"))
+}
+
+/// A part of a whole, by the number of parts: `64` for 1/64, as [`rt_lab::arguments::fraction`] reads it.
+pub use rt_lab::arguments::{fraction, kind, size};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn vulkan_devices_are_named_as_everywhere() {
+        assert_eq!(vulkan("vulkan:3"), Ok(3));
+        assert!(["3", "vulkan", "vulkan:", "wgpu:0", "vulkan:0@0.5"].iter().all(|text| vulkan(text).is_err()));
     }
 }

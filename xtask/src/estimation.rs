@@ -11,35 +11,29 @@ use std::process::{Command, Stdio};
 /// Where everything is written.
 const OUT: &str = "out/estimation";
 
-/// Scenes whose makespans are measured on real devices: six minutes each.
+/// Scenes whose makespans are measured on real devices: five minutes each.
 const BALANCED: [&str; 1] = ["yard"];
 
 /// How much is measured.
 struct Extent {
     /// Options of the program `estimation`.
     errors: &'static [&'static str],
-    /// Options of the program `compare`, for primary and for diffuse rays.
-    makespans: [&'static [&'static str]; 2],
+    /// Options of `raybalance compare`.
+    makespans: &'static [&'static str],
     /// Options of `raybalance figure1`.
     figure: &'static [&'static str],
 }
 
 const FULL: Extent = Extent {
-    errors: &["--task-sizes", "1024", "--repetitions", "4", "--passes", "4"],
-    makespans: [
-        &["--tasks", "1024", "--runs", "6", "--size", "1600x1000", "--spp", "12"],
-        &["--tasks", "1024", "--runs", "6", "--size", "1200x750", "--spp", "8", "--diffuse"],
-    ],
+    errors: &["--task-sizes", "1024", "--repeat", "4", "--passes", "4"],
+    makespans: &["--tasks", "1024", "--repeat", "6", "--size", "1200x750", "--spp", "8"],
     figure: &["--repeat", "6"],
 };
 
 /// A look at the form in less than three minutes.
 const QUICK: Extent = Extent {
-    errors: &["--task-sizes", "1024", "--size", "160x160", "--repetitions", "1", "--passes", "2"],
-    makespans: [
-        &["--tasks", "64", "--runs", "1", "--size", "320x200", "--spp", "1"],
-        &["--tasks", "64", "--runs", "1", "--size", "320x200", "--spp", "1", "--diffuse"],
-    ],
+    errors: &["--task-sizes", "1024", "--size", "160x160", "--repeat", "1", "--passes", "2"],
+    makespans: &["--tasks", "64", "--repeat", "1", "--quick"],
     figure: &["--quick"],
 };
 
@@ -58,18 +52,18 @@ pub(crate) fn estimation(quick: bool) -> Result<()> {
     let mut errors = program("estimation");
     errors.args(&scenes).args(extent.errors).args(["--published", "--json"]).arg(file("errors.json"));
     let full = output(errors.arg("--summary").arg(file("errors.md")))?;
-    let summary = root().join(file("errors.md"));
-    tables.push_str(&fs::read_to_string(&summary).with_context(|| format!("cannot read `{}`", summary.display()))?);
+    tables.push_str(&read(&file("errors.md"))?);
 
     tables.push_str("\n## Makespans\n\n");
     for scene in BALANCED {
         let Some(path) = scenes.iter().find(|path| path.file_stem().is_some_and(|stem| stem == scene)) else {
             continue;
         };
-        for options in extent.makespans {
-            tables.push_str(&output(program("compare").arg(path).args(options))?);
-            tables.push('\n');
-        }
+        let folder = file(&format!("compare-{scene}"));
+        let mut compare = program("raybalance");
+        compare.arg("compare").arg(path).args(["--devices", "cpu:1,cpu:1", "--reference", "--out"]).arg(&folder);
+        run(compare.args(extent.makespans))?;
+        tables.push_str(&read(&folder.join("compare.md"))?);
     }
     run(program("raybalance").arg("figure1").args(extent.figure).arg("--out").arg(Path::new(OUT).join("figure1")))?;
     tables.push_str("\n## Every scene\n\n");
@@ -92,6 +86,11 @@ fn scenes(folders: Option<&Folders>) -> Result<Vec<PathBuf>> {
         |scene: RealScene| scene.path.strip_prefix(root()).map_or_else(|_| scene.path.clone(), Path::to_owned);
     found.extend(folders.scenes()?.into_iter().map(relative));
     Ok(found)
+}
+
+/// A text below the root.
+fn read(file: &Path) -> Result<String> {
+    fs::read_to_string(root().join(file)).with_context(|| format!("cannot read `{}`", file.display()))
 }
 
 /// A program that was built for release.

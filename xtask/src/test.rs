@@ -153,7 +153,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     steps.push(command("promises, CPU", verify(&[])));
     if setup.software_vulkan || named {
         for (name, backend) in [("Vulkan", "vulkan:0"), ("wgpu", "wgpu:0")] {
-            let mut verify = verify(&["--backend", backend, "--rays", SOFTWARE_RAYS]);
+            let mut verify = verify(&["--devices", backend, "--rays", SOFTWARE_RAYS]);
             verify.envs(drivers.iter().cloned());
             steps.push(command(&format!("promises, {name}"), verify));
         }

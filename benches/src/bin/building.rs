@@ -1,18 +1,20 @@
 //! Times the tree builders on all cores beside Embree's default one, where its library is found, in turns.
 //!
-//! `cargo run --release -p rt-benches --bin building -- [SCENE | large:TRIANGLES]... [--builders sah,ploc-medium] [--runs 7]`
+//! `cargo run --release -p rt-benches --bin building -- --help`
 //!
 //! `large:` makes a scene of so many triangles. `RAYON_NUM_THREADS` limits our threads, `taskset` both's. Ours is the
 //! whole call, from a mesh to a checked scene; Embree's makes a device, copies the mesh and commits the scene.
 //! Processor time stands beside wall time, since others on the machine disturb it less.
 #![forbid(unsafe_code)]
 
+use clap::Parser;
 use embree4_sys::{RTCBuildQuality, RTCSceneFlags};
 use rt_balance::stats::median;
 use rt_benches::{large, options};
 use rt_bvh::{BuildOptions, Builder, InvalidTriangles, Mesh, TreeStats, build};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::{Stdout, note};
-use rt_report::{Provenance, exit};
 use rt_scene::Model;
 use rt_scene::prepare::load;
 use rt_scene::progress::unwatched;
@@ -22,28 +24,34 @@ use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
+/// Time the tree builders on all cores beside Embree's default one.
+///
+/// A scene may be large:TRIANGLES, which makes one of so many.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
+struct Options {
+    #[command(flatten)]
+    common: options::Options,
+    /// Tree builders: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', default_values_t = [Builder::default()])]
+    builders: Vec<Builder>,
+}
+
 fn main() -> ExitCode {
     exit::main(run_all)
 }
 
 fn run_all() -> Result<(), Box<dyn Error>> {
-    let mut builders = vec![Builder::default()];
-    let options = options::Options::parse([1, 1], |name, value| {
-        match name {
-            "--builders" => builders = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
-            _ => return Ok(false),
-        }
-        Ok(true)
-    })?;
+    let Options { common, builders } = Options::parse();
     write!(Stdout, "{}", Provenance::now(1, ["all threads"]))?;
-    writeln!(Stdout, "\nMedians of {} runs in turns; over Embree: its time divided by ours.\n", options.runs)?;
+    writeln!(Stdout, "\nMedians of {} repetitions in turns; over Embree: its time divided by ours.\n", common.repeat)?;
     writeln!(
         Stdout,
         "| scene | triangles | builder | threads | ms | Mtriangles/s | over Embree | processor ms | over Embree | \
          expected cost |\n|---|---|---|---|---|---|---|---|---|---|"
     )?;
-    for name in &options.scenes {
-        bench(name, &builders, options.runs)?;
+    for name in &common.scenes {
+        bench(name, &builders, common.repeat)?;
     }
     Ok(())
 }
@@ -79,7 +87,7 @@ impl Times {
     }
 }
 
-fn bench(name: &str, builders: &[Builder], runs: usize) -> Result<(), Box<dyn Error>> {
+fn bench(name: &str, builders: &[Builder], repeat: u32) -> Result<(), Box<dyn Error>> {
     let model = open(name)?;
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
     let vertices: Vec<[f32; 3]> = model.positions.iter().map(|p| p.to_array()).collect();
@@ -91,7 +99,7 @@ fn bench(name: &str, builders: &[Builder], runs: usize) -> Result<(), Box<dyn Er
     }
     let mut theirs = Times::default();
     let mut ours: Vec<_> = builders.iter().map(|_| (Times::default(), 0.0, 0)).collect();
-    for _ in 0..runs {
+    for _ in 0..repeat {
         if missing.is_none() {
             theirs.time(embree)?;
         }

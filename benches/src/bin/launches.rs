@@ -1,18 +1,19 @@
 //! Times what surrounds the kernels of a Vulkan device: persistent threads against a lane for each ray, camera rays
 //! made there against rays sent, and what a ray of a bounce costs the host.
 //!
-//! `cargo run --release -p rt-benches --bin launches -- SCENE... [--device 0] [--runs 7] [--size 512x512]
-//! [--lanes 128,1024,16384]`
+//! `cargo run --release -p rt-benches --bin launches -- --help`
 #![forbid(unsafe_code)]
 
 use backend_vulkan::{GpuDevice, Options as Open, Tuning, VulkanDevice};
+use clap::Parser;
 use rt_balance::clock;
 use rt_balance::stats::{median, ratios};
 use rt_benches::options;
 use rt_bvh::Builder;
 use rt_core::{Device, Launch, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
-use rt_report::{Provenance, exit};
 use rt_scene::streams::Wave;
 use std::error::Error;
 use std::io::Write;
@@ -23,11 +24,20 @@ use std::time::{Duration, Instant};
 /// The longest a launch may take.
 const LIMIT: Duration = Duration::from_secs(600);
 
+/// Time what surrounds the kernels of a Vulkan device.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Options {
-    scenes: Vec<String>,
-    device: usize,
-    runs: usize,
+    #[command(flatten)]
+    common: options::Options,
+    /// The Vulkan device
+    #[arg(long, value_name = "DEVICE", default_value = "vulkan:0", value_parser = options::vulkan)]
+    devices: usize,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = options::size)]
     size: [u32; 2],
+    /// Lanes of launches with persistent threads
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "128,1024,16384")]
     lanes: Vec<u32>,
 }
 
@@ -36,8 +46,8 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
-    let device = open(options.device, Tuning::default())?;
+    let options = Options::parse();
+    let device = open(options.devices, Tuning::default())?;
     writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone()]))?;
     writeln!(
         Stdout,
@@ -51,8 +61,8 @@ fn run() -> Result<(), Box<dyn Error>> {
         "Mray/s in kernels of one launch with a lane for each ray; with fewer lanes as time over that; ns per ray to \
          load camera rays and have the device make them, and to load those that the host prepares and sends; to load \
          and to find the shadow and diffuse rays that leave; camera rays per million that the device does not make \
-         but leaves to the host. Medians of {} interleaved runs.\n",
-        options.runs
+         but leaves to the host. Medians of {} interleaved repetitions.\n",
+        options.common.repeat
     )?;
     write!(Stdout, "| scene | rays | Mray/s |")?;
     options.lanes.iter().try_for_each(|lanes| write!(Stdout, " {lanes} lanes |"))?;
@@ -61,7 +71,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         " made ns | sent ns | spawned ns | left ppm |\n|---|---|---|{}---|---|---|---|",
         "---|".repeat(options.lanes.len())
     )?;
-    for name in &options.scenes {
+    for name in &options.common.scenes {
         bench(name, &options)?;
     }
     Ok(())
@@ -76,7 +86,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     let prepared = rt_benches::open(name, Builder::default())?;
     let scene = &prepared.built.scene;
     let tracer = |tuning| -> Result<(VulkanDevice, Box<dyn Tracer>), Box<dyn Error>> {
-        let device = open(options.device, tuning)?;
+        let device = open(options.devices, tuning)?;
         let tracer = device.tracer(Arc::clone(scene), clock)?;
         Ok((device, tracer))
     };
@@ -97,7 +107,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
     }
     let mut spawned_s = Vec::new();
     let mut diffuse = primary.clone();
-    for _ in 0..options.runs {
+    for _ in 0..options.common.repeat {
         let begin = Instant::now();
         // Shadow rays as well, as rendering makes them.
         let [shadow, rays] = paths.follow(&camera, &hits);
@@ -112,7 +122,7 @@ fn bench(name: &str, options: &Options) -> Result<(), Box<dyn Error>> {
         let rays = f64::from(source.len());
         let (mut kernels, mut made_s, mut sent_s) = (vec![Vec::new(); tracers.len()], Vec::new(), Vec::new());
         // Once unmeasured: kernels are compiled when they are first wanted.
-        for run in 0..=options.runs {
+        for run in 0..=options.common.repeat {
             // What a device makes it makes in the first launch.
             let begin = load(&mut *tracers[0], source)? + seconds(&mut *tracers[0], source.len())?;
             let made = (begin - seconds(&mut *tracers[0], source.len())?) / rays;
@@ -161,20 +171,4 @@ fn trace(tracer: &mut dyn Tracer, rays: u32) -> Result<Launch, Box<dyn Error>> {
     let mut launch = Launch::default();
     tracer.wait(ticket, LIMIT, &mut launch)?;
     Ok(launch)
-}
-
-impl Options {
-    fn parse() -> Result<Self, Box<dyn Error>> {
-        let (mut device, mut lanes) = (0, vec![128, 1024, 16_384]);
-        let shared = options::Options::parse([512, 512], |name, value| {
-            match name {
-                "--device" => device = value()?.parse()?,
-                "--lanes" => lanes = value()?.split(',').map(str::parse).collect::<Result<_, _>>()?,
-                _ => return Ok(false),
-            }
-            Ok(true)
-        })?;
-        let options::Options { scenes, runs, size } = shared;
-        Ok(Self { scenes, runs, size, device, lanes })
-    }
 }

@@ -141,6 +141,13 @@ impl Entry<Make> {
         }
     }
 
+    /// Whether it goes by what was measured of earlier streams of a kind, so that it says another thing of the second
+    /// picture than of the first.
+    #[must_use]
+    pub fn learns(&self) -> bool {
+        matches!(self.name, "auto" | "history")
+    }
+
     fn walks_reduced(&'static self) -> bool {
         matches!(self.usual().make().walk(), Some(Walk::Reduced(_)))
     }

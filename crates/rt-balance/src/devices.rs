@@ -170,6 +170,18 @@ pub fn check(list: &str) -> Result<(), ListError> {
     }
 }
 
+/// Whether an entry of a list names a CPU device; `auto` names some.
+#[must_use]
+pub fn names_cpu(list: &str) -> bool {
+    list == AUTO || entries(list).iter().any(|entry| entry.starts_with("cpu"))
+}
+
+/// Whether an entry of a list names a graphics card; `auto` names those that there are.
+#[must_use]
+pub fn names_card(list: &str) -> bool {
+    list == AUTO || entries(list).iter().any(|entry| !entry.starts_with("cpu"))
+}
+
 fn parse(entry: &str) -> Result<Spec, ListError> {
     let error = |reason| ListError { entry: entry.to_owned(), reason };
     let (device, speed) = match entry.split_once('@') {
@@ -312,6 +324,16 @@ mod tests {
         assert!(["auto", "cpu", "cpu:1,cpu:4096@0.001"].iter().all(|list| check(list).is_ok()));
         // Not a list of its own beside other entries.
         assert!(check("cpu:1,auto").is_err());
+    }
+
+    /// Mutants: the first entry looked at alone; `auto` taken for an entry.
+    #[test]
+    fn lists_tell_what_they_name() {
+        for (list, cpu, card) in
+            [("auto", true, true), ("cpu:1, cpu", true, false), ("vulkan:0", false, true), ("cpu:1,wgpu:0", true, true)]
+        {
+            assert_eq!((names_cpu(list), names_card(list)), (cpu, card), "{list}");
+        }
     }
 
     /// Mutant: entries read as they stand, with the blanks around them.

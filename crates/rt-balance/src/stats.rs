@@ -46,6 +46,49 @@ impl Summary {
     pub fn of_ratios(a: &[f64], b: &[f64]) -> Self {
         Self::new(&ratios(a, b))
     }
+
+    /// Of ratios: whether they are not 1, all of the interval on one side and the median by more than [`noise`].
+    #[must_use]
+    pub fn differs_by_more_than(&self, noise: f64) -> bool {
+        let is_one_sided = self.low > 1.0 || self.high < 1.0;
+        is_one_sided && self.median.ln().abs() > noise.ln_1p()
+    }
+}
+
+/// How many standard errors the medians of two rows must be apart: with a dozen rows, all are told to be alike in 19 of
+/// 20 measurements of what is alike.
+const APART: f64 = 3.0;
+
+/// Standard deviation of normal errors over their median absolute deviation.
+const DEVIATION: f64 = 1.4826;
+
+/// Standard error of a median over that of a mean, of normal errors.
+const OF_MEDIAN: f64 = 1.2533;
+
+/// By how much the medians of two rows must differ, as a share, to be told apart: what is less may be noise. `None`
+/// where there are fewer than two rows, or three rounds.
+///
+/// `rows[i][round]` are times that were measured in turn. What a round has in common is the machine's drift, what a row
+/// has in common is its own speed; what is left is noise, which all rows are taken to have alike. Its size is read from
+/// the median of what is left, so that single disturbances do not count.
+#[must_use]
+pub fn noise(rows: &[&[f64]]) -> Option<f64> {
+    let rounds = rows.iter().map(|row| row.len()).min()?;
+    if rows.len() < 2 || rounds < 3 {
+        return None;
+    }
+    let column = |round: usize| median(&rows.iter().map(|row| row[round].ln()).collect::<Vec<_>>());
+    let drift: Vec<f64> = (0..rounds).map(column).collect();
+    let left = rows.iter().flat_map(|row| {
+        let own: Vec<f64> = row.iter().zip(&drift).map(|(time, drift)| time.ln() - drift).collect();
+        let mean = own.iter().sum::<f64>() / own.len() as f64;
+        own.into_iter().map(move |time| (time - mean).abs())
+    });
+    let (rows, rounds) = (rows.len() as f64, rounds as f64);
+    // What rows and columns were fitted with is not left any more.
+    let fitted = (rounds * rows / ((rounds - 1.0) * (rows - 1.0))).sqrt();
+    let deviation = DEVIATION * median(&left.collect::<Vec<_>>()) * fitted;
+    Some((APART * OF_MEDIAN * deviation * (2.0 / rounds).sqrt()).exp_m1())
 }
 
 /// `a[i] / b[i]`, as many as the shorter has.
@@ -139,6 +182,46 @@ mod tests {
         let share = held.count() as f64 / f64::from(DRAWS);
         // 0.9614 ± 4 standard deviations of 0.003.
         assert!((share - Summary::new(&[0.0; 12]).confidence).abs() < 0.0125, "{share}");
+    }
+
+    /// Times of `rows` ways in `rounds` rounds: row 1 takes `factor` of what the others do, noise is 3% and in one of
+    /// twelve cases a disturbance, and rounds drift.
+    fn made(seed: u32, rows: u32, rounds: u32, factor: f64) -> Vec<Vec<f64>> {
+        let pair = |i: u32, j: u32| rt_core::random::pair(seed, i, j).map(f64::from);
+        let time = |row: u32, round: u32| {
+            let [drift, _] = pair(1_000, round);
+            let cell = row * 64 + round;
+            // A sum of four uniform numbers is as good as normal.
+            let ([a, b], [c, d]) = (pair(cell, 1), pair(cell, 2));
+            let [rare, large] = pair(cell, 3);
+            let disturbed = if rare < 1.0 / 12.0 { 0.5 * large } else { 0.0 };
+            let noise = 0.03 * (a + b + c + d - 2.0) / (4.0_f64 / 12.0).sqrt();
+            (noise + disturbed + 0.1 * drift).exp() * if row == 1 { factor } else { 1.0 }
+        };
+        (0..rows).map(|row| (0..rounds).map(|round| time(row, round)).collect()).collect()
+    }
+
+    fn told_apart(times: &[Vec<f64>]) -> Vec<bool> {
+        let rows: Vec<&[f64]> = times.iter().map(Vec::as_slice).collect();
+        let noise = noise(&rows).unwrap();
+        let apart = |row: &Vec<f64>| {
+            let ratio = Summary::of_ratios(row, &times[0]);
+            ratio.differs_by_more_than(noise)
+        };
+        times[1..].iter().map(apart).collect()
+    }
+
+    /// Mutants: `APART` of 1.5; drift left in; the mean of a row not taken off; `fitted` gone with three rounds.
+    #[test]
+    fn what_is_alike_is_seldom_told_apart_and_what_differs_is() {
+        const TRIALS: u32 = 300;
+        for (rows, rounds) in [(2, 7), (3, 3), (12, 3), (12, 5), (12, 7), (12, 12)] {
+            let wrong = (0..TRIALS).filter(|&seed| told_apart(&made(seed, rows, rounds, 1.0)).contains(&true)).count();
+            assert!(wrong as f64 <= 0.07 * f64::from(TRIALS), "{rows} rows, {rounds} rounds: {wrong} of {TRIALS}");
+        }
+        let right = (0..TRIALS).filter(|&seed| told_apart(&made(seed, 12, 9, 1.2))[0]).count();
+        assert!(right as f64 >= 0.9 * f64::from(TRIALS), "{right} of {TRIALS}");
+        assert!(noise(&[&[1.0, 2.0], &[1.0, 2.0]]).is_none() && noise(&[&[1.0; 9]]).is_none() && noise(&[]).is_none());
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod balance;
 mod bench;
+mod compare;
 mod devices;
 mod figure1;
 mod parse;
@@ -15,6 +16,7 @@ mod verify;
 pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
+pub(crate) use compare::{CompareArgs, DiffArgs};
 pub(crate) use devices::DeviceArgs;
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;
@@ -50,9 +52,10 @@ mod heading {
   raybalance room.obj                               render your own scene
   raybalance car --size 1280x800 --spp 8            the built-in car, larger
   raybalance render room.obj --devices cpu:1,cpu:1@0.5 --queue hybrid
+  raybalance compare room.obj --devices cpu:1,vulkan:0
   raybalance render room.obj --queue central --estimator uniform --reference
   raybalance trace room.obj --rays rays.npy --hits hits.npy
-  raybalance verify --backend cpu,vulkan:0
+  raybalance verify --devices cpu,vulkan:0
 
 {}.", Exit::HELP))]
 pub(crate) struct Cli {
@@ -66,6 +69,10 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Trace rays from a NumPy file and write the hits to another
     Trace(Box<TraceArgs>),
+    /// Find out what to use for a scene and devices: queues, policies and estimators in turn, with a verdict
+    Compare(Box<CompareArgs>),
+    /// Set two runs side by side: report.json of two renders, or compare.json of two comparisons
+    Diff(DiffArgs),
     /// Draw the paper's Figure 1: tracing time against task size, with and without cost initialisation
     #[command(name = "figure1")]
     Figure1(Figure1Args),

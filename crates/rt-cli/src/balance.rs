@@ -44,6 +44,7 @@ impl BalanceArgs {
     /// # Errors
     /// When the policy has no meaning for the queue.
     pub(crate) fn scheduling(&self) -> Result<Scheduling> {
+        self.device.check(self.devices.as_deref())?;
         let estimator = self.estimate.chosen()?.make();
         let policy = self.policy.map(|policy| (policy.make)());
         let limits = Limits::within(self.device_limit);
@@ -55,10 +56,6 @@ impl BalanceArgs {
 
     /// How streams are cut into tasks.
     pub(crate) fn cut(&self) -> TaskCut {
-        match (self.tasks, self.task_size) {
-            (Some(tasks), _) => TaskCut::Count(tasks),
-            (None, Some(size)) => TaskCut::Size(size),
-            (None, None) => TaskCut::Suited,
-        }
+        TaskCut::of_options(self.tasks, self.task_size)
     }
 }

@@ -1,7 +1,8 @@
 //! The commands that measure: their options handed to rt-lab, what they find shown on the terminal.
 
 use crate::args::{
-    BenchArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, SimulateArgs, TradeArg, TradeArgs, TradeoffArgs,
+    BenchArgs, CompareArgs, DiffArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, SimulateArgs, TradeArg, TradeArgs,
+    TradeoffArgs,
 };
 use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
@@ -9,7 +10,9 @@ use anyhow::Result;
 use indicatif::ProgressBar;
 use rt_balance::devices::AUTO;
 use rt_lab::tradeoff::{Chosen, precision};
-use rt_lab::{Lab, Show, bench, figure1, simulate, tradeoff};
+use rt_lab::{Lab, Show, bench, compare, figure1, simulate, tradeoff};
+use rt_render::TaskCut;
+use rt_report::diff::Diff;
 use rt_report::print::{Stdout, note};
 use rt_scene::prepare::Prepared;
 use std::io::{self, Write};
@@ -47,11 +50,8 @@ impl Show for Terminal {
 /// Refuses streams of more rays than there is memory for. Sizes that the user does not choose fit every machine.
 fn require_room(rays: Option<u64>, advice: &str) -> Result<()> {
     let Some(rays) = rays else { return Ok(()) };
-    Room::now().require(
-        rays.saturating_mul(BYTES_PER_MEASURED_RAY),
-        &format!("measuring streams of {rays} rays"),
-        advice,
-    )
+    let bytes = rays.saturating_mul(BYTES_PER_MEASURED_RAY);
+    Ok(Room::now().require(bytes, &format!("measuring streams of {rays} rays"), advice)?)
 }
 
 fn pixels(size: Option<[u32; 2]>) -> Option<u64> {
@@ -84,6 +84,40 @@ pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {
     measure(&args.scenes, &args.source, |lab| figure1::run(lab, &options))
 }
 
+pub(crate) fn compare(args: &CompareArgs) -> Result<()> {
+    args.device.check(args.devices.as_deref())?;
+    let options = compare::Options {
+        scene: args.scene.clone(),
+        devices: args.devices.as_deref().unwrap_or(AUTO).to_owned(),
+        cards: args.device.cards(),
+        isa: args.device.isa,
+        queues: args.queue.clone(),
+        policies: args.policy.clone(),
+        estimators: args.estimator.clone(),
+        fraction: args.fraction,
+        cut: TaskCut::of_options(args.tasks, args.task_size),
+        size: args.size,
+        samples: args.spp,
+        bounces: args.bounces,
+        repeat: args.repeat,
+        budget: args.budget,
+        seed: args.seed,
+        reference: args.reference,
+        quick: args.quick,
+        json: args.json,
+        out: args.out.clone(),
+    };
+    require_room(Some(options.rays()), "choose a smaller --size or --spp")?;
+    let scene = std::slice::from_ref(&args.scene);
+    measure(scene, &args.source, |lab| compare::run(lab, &options))
+}
+
+pub(crate) fn diff(args: &DiffArgs) -> Result<()> {
+    let diff = Diff::of(&args.before, &args.after)?;
+    let text = if args.json { serde_json::to_string_pretty(&diff)? } else { diff.to_string() };
+    Ok(writeln!(Stdout, "{text}")?)
+}
+
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<()> {
     require_room(pixels(args.from.is_none().then_some(args.size)), "choose a smaller --size")?;
     let options = simulate::Options {
@@ -103,6 +137,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<()> {
 }
 
 pub(crate) fn bench(args: &BenchArgs) -> Result<()> {
+    args.device.check(args.devices.as_deref())?;
     require_room(args.rays.map(u64::from), "choose fewer --rays")?;
     let options = bench::Options {
         scenes: args.scenes.clone(),
@@ -148,14 +183,14 @@ fn trade_of_precisions(args: &PrecisionTradeoffArgs) -> Result<()> {
     require_room(pixels(args.size), "choose a smaller --size")?;
     let options = precision::Options {
         scenes: args.scenes.clone(),
-        devices: args.backend.clone(),
+        devices: args.devices.clone(),
         quick: args.quick,
-        runs: args.runs,
+        repeat: args.repeat,
         size: args.size,
         sample: args.sample,
         seed: args.seed,
         out: args.out.clone(),
     };
-    let source = SceneArgs { drop_invalid: false, builder: args.builder, precision: None };
+    let source = SceneArgs { drop_invalid: false, floor: false, builder: args.builder, precision: None };
     measure(&args.scenes, &source, |lab| tradeoff::run_precision(lab, &options))
 }

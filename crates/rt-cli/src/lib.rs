@@ -6,7 +6,6 @@ mod balance;
 mod experiments;
 mod interrupt;
 mod list;
-mod memory;
 mod progress;
 mod ranks;
 mod render;
@@ -18,6 +17,7 @@ use anyhow::{Context, Result};
 use args::{Cli, Command};
 use clap::Parser;
 use rt_balance::devices;
+use rt_render::memory;
 use rt_report::exit::Exit;
 use rt_report::print::StdoutError;
 use rt_report::usage::usage;
@@ -43,7 +43,7 @@ pub fn main() -> ExitCode {
 fn run(cli: Cli) -> Result<()> {
     devices::check_environment().map_err(|bad| usage(bad.to_string()))?;
     let command = cli.command.unwrap_or_else(|| Command::Render(Box::default()));
-    if !matches!(command, Command::Devices(_) | Command::Scenes(_)) {
+    if !matches!(command, Command::Devices(_) | Command::Scenes(_) | Command::Diff(_)) {
         // Trees are built and pictures shaded on them. Where they cannot be started on first use, that is a panic.
         let threads = rayon::ThreadPoolBuilder::new().build_global();
         threads.context("cannot start a thread for each core: allow more, or set RAYON_NUM_THREADS to fewer")?;
@@ -51,6 +51,8 @@ fn run(cli: Cli) -> Result<()> {
     match command {
         Command::Render(args) => render::run(&args),
         Command::Trace(args) => trace::run(&args),
+        Command::Compare(args) => experiments::compare(&args),
+        Command::Diff(args) => experiments::diff(&args),
         Command::Figure1(args) => experiments::figure1(&args),
         Command::Simulate(args) => experiments::simulate(&args),
         Command::Tradeoff(args) => experiments::tradeoff(&args),

@@ -1,24 +1,25 @@
 //! `raybalance render`: a picture, and how well the work was balanced.
 
 use crate::args::RenderArgs;
-use crate::memory::{self, BYTES_PER_PATH, BYTES_PER_TASK, Room};
+use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
 use crate::ranks::{self, Ranks};
 use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
 use crate::{chart, html, interrupt, output, progress, scene};
 use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
-use rt_balance::{Balancer, DEFAULT_TASK_SIZE, Limits};
+use rt_balance::{Balancer, Limits};
 use rt_core::Device;
 use rt_core::bounce::Surfaces;
-use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, TaskCut, Traced};
+use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
+use rt_report::pictures::Pictures;
 use rt_report::print::{Stdout, note};
 use rt_report::usage::OrUsage;
-use rt_report::{Provenance, image, terminal};
+use rt_report::{Provenance, tasks, terminal};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::{Paths, Waves};
+use rt_scene::streams::Paths;
 use rt_scene::{View, view};
 use std::cell::Cell;
 use std::io::Write;
@@ -26,8 +27,15 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// What is written beside pictures.
-const FILES: [&str; 5] = ["cost.png", "timeline.svg", "trace.json", "report.json", "report.html"];
+/// What is written beside pictures, and what it is.
+const FILES: [(&str, &str); 6] = [
+    ("cost.png", "estimated beside measured cost of each part of the picture"),
+    ("timeline.svg", "what each device did when"),
+    ("trace.json", "the same for Perfetto or chrome://tracing, to zoom into"),
+    ("report.json", "all numbers"),
+    ("tasks.csv", "the numbers of every task"),
+    ("report.html", "this page"),
+];
 
 /// The orbit's angle between two frames unless another is asked for: a slow turn, so that the previous frame says much
 /// about the next.
@@ -50,10 +58,16 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let outputs = outputs(args, &FILES);
+    let outputs = outputs(args, &FILES.map(|(name, _)| name));
     scene::check([scene_of(args)])?;
     outputs.check()?;
-    let waves = cut(args, Room::now())?;
+    let mut pictures = Pictures::new(&args.out, args.frames);
+    if let Some(left) = pictures.leftovers() {
+        note(format_args!("note: {left}"));
+    }
+    let RenderArgs { size, spp: samples, bounces, frames, .. } = *args;
+    let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
+    let waves = Room::now().waves(&needs, args.memory)?;
     let Stage { described, devices, balancer, first, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
     let renderer = Renderer { unused: true, ..renderer };
@@ -68,7 +82,6 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     let mut session = Session { balancer, scheduling, show: &show, record: &mut record };
     let mut film = Film::new(args.size)?;
-    let mut pictures = Pictures::new(args);
     // Whoever measures wants streams of all samples.
     let passes = if args.reference { Passes::whole(args.spp) } else { Passes::doubling(args.spp) };
     let (begin, end) = (Instant::now(), args.time.map(|time| start + time));
@@ -77,12 +90,12 @@ fn alone(args: &RenderArgs) -> Result<()> {
         let paths = paths(args, &renderer, &first, number)?;
         let frame = Frame { paths: &paths, number, waves: &waves, end };
         frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
-            pictures.write(film, number, samples)
+            write(&mut pictures, film, number, samples)
         })
     });
     let waves_s = begin.elapsed().as_secs_f64() - costs_s.get() - pictures.seconds;
     let interrupted = match rendered {
-        Err(error) if !interrupt::requested() || pictures.last.is_none() => return Err(error),
+        Err(error) if !interrupt::requested() || pictures.last().is_none() => return Err(error),
         rendered => rendered.is_err(),
     };
     let Session { scheduling, .. } = session;
@@ -93,16 +106,17 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let provenance = Provenance::now(args.balance.seed, names(&devices));
     if interrupted {
         // Before anything that may take longer than the patience with signals.
-        note(format_args!("note: {}; report.json says more, charts and page are not made", pictures.told()));
+        note(format_args!("note: {}; report.json says more, charts and page are not made", pictures.told(args.spp)));
     } else {
         write_charts(args, costs.maps(), &runs, &provenance)?;
+        pictures.write_sheet()?;
     }
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
     let report = Report {
         schema: SCHEMA,
         provenance,
-        picture: Some(pictures.report(args, CameraReport::of(&first, described.offset.into()))),
+        picture: Some(picture_report(args, &pictures, CameraReport::of(&first, described.offset.into()))),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -113,8 +127,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     write_report(args, &report)?;
     interrupt::check()?;
-    let picture = &args.out.join(picture_name(0, args));
-    let rendered = html::render::Rendered { report: &report, runs: &runs, maps: costs.maps(), picture };
+    let (maps, picture) = (costs.maps(), &pictures.main());
+    let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &FILES };
     rendered.write(&args.out.join("report.html"))?;
     drop(bar);
     if args.json {
@@ -125,53 +139,23 @@ fn alone(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// The pictures as they are written, all with the exposure of the first frame.
-pub(crate) struct Pictures<'a> {
-    args: &'a RenderArgs,
-    exposure: f32,
-    /// The frame that was written last, and how many samples it has.
-    last: Option<(u32, u32)>,
-    /// What writing took.
-    pub(crate) seconds: f64,
+/// Writes a frame with so many samples of each pixel.
+pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u32) -> Result<()> {
+    Ok(pictures.write((film.size(), film.sums()), || film.exposure(samples), frame, samples)?)
 }
 
-impl<'a> Pictures<'a> {
-    pub(crate) const fn new(args: &'a RenderArgs) -> Self {
-        Self { args, exposure: 1.0, last: None, seconds: 0.0 }
-    }
-
-    /// Writes a frame with so many samples of each pixel.
-    pub(crate) fn write(&mut self, film: &Film, frame: u32, samples: u32) -> Result<()> {
-        let begin = Instant::now();
-        if frame == 0 {
-            self.exposure = film.exposure(samples);
-        }
-        let path = self.args.out.join(picture_name(frame, self.args));
-        image::write_png(&path, film.size(), film.sums(), self.exposure / samples as f32)?;
-        self.last = Some((frame, samples));
-        self.seconds += begin.elapsed().as_secs_f64();
-        Ok(())
-    }
-
-    /// What is there, in words.
-    fn told(&self) -> String {
-        let (frame, samples) = self.last.unwrap_or_default();
-        let (all, path) = (self.args.spp, self.args.out.join(picture_name(frame, self.args)));
-        format!("{} has {samples} of {all} samples of each pixel", path.display())
-    }
-
-    pub(crate) fn report(&self, args: &RenderArgs, camera: CameraReport) -> PictureReport {
-        let (frame, samples) = self.last.unwrap_or_default();
-        PictureReport {
-            size: args.size,
-            samples,
-            samples_asked: args.spp,
-            bounces: args.bounces,
-            frames: frame + 1,
-            degrees_per_frame: if args.frames > 1 { degrees_per_frame(args) } else { 0.0 },
-            seed: args.balance.seed,
-            camera,
-        }
+/// What was rendered.
+pub(crate) fn picture_report(args: &RenderArgs, pictures: &Pictures, camera: CameraReport) -> PictureReport {
+    let (frame, samples) = pictures.last().unwrap_or_default();
+    PictureReport {
+        size: args.size,
+        samples,
+        samples_asked: args.spp,
+        bounces: args.bounces,
+        frames: frame + 1,
+        degrees_per_frame: if args.frames > 1 { degrees_per_frame(args) } else { 0.0 },
+        seed: args.balance.seed,
+        camera,
     }
 }
 
@@ -235,8 +219,9 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 
 /// The pictures and `files` in the folder of results.
 pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
-    let pictures = (0..args.frames).map(|frame| picture_name(frame, args));
-    let names = pictures.chain(files.iter().map(|&file| file.to_owned()));
+    let pictures = Pictures::new(&args.out, args.frames);
+    let files = files.iter().copied().chain(pictures.sheet());
+    let names: Vec<String> = pictures.names().chain(files.map(str::to_owned)).collect();
     Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)])
 }
 
@@ -247,7 +232,7 @@ pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
 
 /// The view of the command line, else the scene's.
 fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
-    let base = prepared.view();
+    let base = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
     let view = View {
         eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
         target: args.target.map_or(base.target, |target| prepared.model.place(target)),
@@ -258,43 +243,10 @@ fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
     Ok(view)
 }
 
-pub(crate) fn picture_name(frame: u32, args: &RenderArgs) -> String {
-    if args.frames == 1 { "image.png".to_owned() } else { format!("image-{frame:04}.png") }
-}
-
-/// Least memory in which rays are traced.
-const LEAST_WAVE: u64 = 1 << 20;
-
-/// Cuts the picture into waves, or refuses one for which there is no room.
-fn cut(args: &RenderArgs, room: Room) -> Result<Waves> {
-    let [width, height] = args.size;
-    let pixels = u64::from(width) * u64::from(height);
-    // Primary rays, and for each bounce shadow and diffuse ones at most.
-    let rays = pixels * u64::from(args.spp) * u64::from(2 * args.bounces + 2);
-    let tasks = match args.balance.cut() {
-        // Smaller ones only where they are few.
-        TaskCut::Suited => rays / u64::from(DEFAULT_TASK_SIZE),
-        TaskCut::Size(size) => rays / u64::from(size.max(1)),
-        TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * args.bounces + 2),
-    };
-    let records = tasks * u64::from(args.frames) * BYTES_PER_TASK;
-    let kept = pixels * Film::BYTES_PER_PIXEL + records;
-    let what = format!(
-        "a picture of {width} x {height} pixels ({} bytes a pixel, {} for the records of {tasks} tasks)",
-        Film::BYTES_PER_PIXEL,
-        memory::size(records),
-    );
-    room.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
-    // What the picture leaves, if that is less than may be used; the scene wants half of it.
-    let waves = Waves::new(args.size, args.spp, BYTES_PER_PATH, args.memory.min((room.bytes - kept) / 2))?;
-    let wave = waves.largest() * u64::from(args.spp) * BYTES_PER_PATH;
-    room.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
-    Ok(waves)
-}
-
 fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
     chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
     chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
+    tasks::write_csv(&args.out.join("tasks.csv"), runs, provenance)?;
     Ok(cost::write_png(&args.out.join("cost.png"), costs)?)
 }
 
@@ -315,7 +267,7 @@ fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
         writeln!(Stdout, "  {samples} of {samples_asked} samples of each pixel fitted into the time")?;
     }
     let written =
-        format!("  written to {}: image, cost, timeline, trace, report (.json and .html)", args.out.display());
+        format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", args.out.display());
     writeln!(Stdout, "{}", terminal::wrapped(&written, "    ", width))?;
     write!(Stdout, "\n{}", terminal::headline(report, width))?;
     Ok(())

@@ -22,7 +22,12 @@ impl SceneArgs {
     /// As scenes are prepared.
     pub(crate) fn options(&self) -> Options {
         let invalid = if self.drop_invalid { InvalidTriangles::Drop } else { InvalidTriangles::Refuse };
-        Options { invalid, precision: self.precision.map(Precision::from), ..Options::new(self.builder) }
+        Options {
+            invalid,
+            precision: self.precision.map(Precision::from),
+            floor: self.floor,
+            ..Options::new(self.builder)
+        }
     }
 
     /// Loads or generates the scene, scans it and builds its tree.

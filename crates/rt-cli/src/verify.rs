@@ -39,7 +39,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     let names = if args.scenes.is_empty() { SCENES.map(PathBuf::from).to_vec() } else { args.scenes.clone() };
     scene::check(&names)?;
     let models = names.iter().map(|name| scene::load(name)).collect::<Result<Vec<_>>>()?;
-    let devices = DeviceArgs::default().open(Some(&args.backend))?;
+    let devices = DeviceArgs::default().open(Some(&args.devices))?;
     let extent = if args.full { Extent::Full } else { Extent::Quick };
     let suite = Suite::new(Options { extent, rays: args.rays, seed: args.seed, builder: args.builder }, models);
 

@@ -48,6 +48,7 @@ fn main() {
     }));
     trials.push(in_browser("a_complaint_is_noticed", complaint_is_noticed));
     trials.push(in_browser("tasks_are_read_out", tasks_are_read_out));
+    trials.push(in_browser("a_phone_can_read_it", phone_can_read_it));
     trials.push(in_browser("an_estimate_that_was_not_made_is_a_map_too", unused_estimate_is_shown));
     run(&arguments, trials).exit();
 }
@@ -94,6 +95,11 @@ struct Loaded {
 }
 
 fn load(browser: &Path, folder: &Path, page: &str) -> Result<Loaded, Failed> {
+    load_at(browser, folder, page, 1000)
+}
+
+/// In a window so many pixels wide.
+fn load_at(browser: &Path, folder: &Path, page: &str, width: u32) -> Result<Loaded, Failed> {
     let file = folder.join("loaded.html");
     fs::write(&file, page)?;
     let mut profile = OsString::from("--user-data-dir=");
@@ -102,7 +108,8 @@ fn load(browser: &Path, folder: &Path, page: &str) -> Result<Loaded, Failed> {
         // The sandbox needs rights that containers do not give; the page is our own.
         .args(["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--enable-logging=stderr"])
         // Time passes as fast as the page allows, so nothing here waits for a clock.
-        .args(["--virtual-time-budget=10000", "--window-size=1000,2000", "--dump-dom"])
+        .args(["--virtual-time-budget=10000", "--dump-dom"])
+        .arg(format!("--window-size={width},2000"))
         .arg(profile)
         .arg(&file)
         // Some of what it keeps goes below the home folder whatever its profile.
@@ -200,6 +207,47 @@ document.documentElement.dataset.result = JSON.stringify([before, first, last, f
         if !text.contains(part) {
             return Err(format!("field {field} says `{text}`, which lacks `{part}`").into());
         }
+    }
+    Ok(())
+}
+
+/// On a narrow screen letters of charts have 11 pixels at least and the page does not scroll sideways; the files that
+/// it links are there, its camera can be typed, and bars of the timeline say what they are.
+///
+/// Fails when charts shrink with the screen, or a file is linked that is not written.
+fn phone_can_read_it(browser: &Path) -> Outcome {
+    let command = ["render", "car", "--size", "64x40", "--spp", "2", "--devices", "cpu:1,cpu:1", "--frames", "2"];
+    let (folder, page) = written(&command)?;
+    let script = r#"
+const letters = [...document.querySelectorAll(".chart svg")].flatMap((svg) => {
+  const scale = svg.getBoundingClientRect().width / svg.viewBox.baseVal.width;
+  return [...svg.querySelectorAll("text")].map((text) => scale * parseFloat(text.getAttribute("font-size")));
+});
+document.documentElement.dataset.result = JSON.stringify({
+  least: Math.min(...letters),
+  sideways: document.documentElement.scrollWidth - innerWidth,
+  files: [...document.querySelectorAll("li a")].map((link) => link.getAttribute("href")),
+  bars: document.querySelectorAll("rect title").length,
+  camera: [...document.querySelectorAll("main code")].map((code) => code.textContent),
+});
+"#;
+    let loaded = load_at(browser, folder.path(), &with_script(&page, script), 420)?;
+    let text = result(&loaded.dom).replace("&quot;", "\"");
+    let found: serde_json::Value = serde_json::from_str(&text).map_err(|error| format!("{error}: {text}"))?;
+    let least = found["least"].as_f64().unwrap_or(0.0);
+    if least < 11.0 || found["sideways"].as_f64() > Some(0.0) || found["bars"] == 0 {
+        return Err(format!("letters of {least} pixels, or sideways, or bars without words: {text}").into());
+    }
+    let files = found["files"].as_array().ok_or("no links")?;
+    for file in files {
+        let file = file.as_str().unwrap_or_default();
+        if !folder.path().join(file).is_file() {
+            return Err(format!("linked but not there: {file}").into());
+        }
+    }
+    expect(&files.len().to_string(), "6")?;
+    if !found["camera"][0].to_string().contains("--eye ") {
+        return Err(format!("no camera: {}", found["camera"]).into());
     }
     Ok(())
 }

@@ -25,8 +25,6 @@ pub enum Estimate {
     None,
     /// What the estimator says that the experiment is about.
     Asked,
-    /// What this one says.
-    By(&'static str),
 }
 
 const fn contender(
@@ -56,20 +54,6 @@ pub const HYBRID: Contender = contender("hybrid", QueueKind::Hybrid, None, Estim
 /// The hybrid queue with costs.
 pub const HYBRID_COST: Contender = contender("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimate::Asked);
 
-/// Every contender.
-pub const CONTENDERS: [Contender; 10] = [
-    BLOCKS,
-    ROUND_ROBIN,
-    STATIC_COST,
-    contender("static LPT, reduced traversal", QueueKind::Static, Some("lpt"), Estimate::By("reduced")),
-    CENTRAL,
-    CENTRAL_COST,
-    contender("central, reduced traversal", QueueKind::Central, None, Estimate::By("reduced")),
-    HYBRID,
-    HYBRID_COST,
-    contender("hybrid, auto", QueueKind::Hybrid, None, Estimate::By("auto")),
-];
-
 impl Contender {
     /// A new estimator; `asked` is the one that the experiment is about.
     #[must_use]
@@ -77,7 +61,6 @@ impl Contender {
         match self.estimate {
             Estimate::None => uninformed(),
             Estimate::Asked => asked.make(),
-            Estimate::By(name) => known(name),
         }
     }
 
@@ -98,11 +81,7 @@ impl Contender {
 /// The estimator that knows nothing: of plain traces, and of what estimates must beat.
 #[must_use]
 pub fn uninformed() -> Box<dyn CostEstimator> {
-    known("uniform")
-}
-
-fn known(name: &str) -> Box<dyn CostEstimator> {
-    find(ESTIMATORS, name).expect("experiments name estimators of the catalogue").usual().make()
+    find(ESTIMATORS, "uniform").expect("the catalogue has it").usual().make()
 }
 
 /// Devices that makespans are replayed on: their name, and their speeds relative to the measured one.
@@ -117,7 +96,7 @@ mod tests {
     #[test]
     fn every_contender_can_be_scheduled() {
         let asked = ESTIMATORS[0].usual();
-        for contender in CONTENDERS {
+        for contender in [BLOCKS, ROUND_ROBIN, STATIC_COST, CENTRAL, CENTRAL_COST, HYBRID] {
             let scheduling = contender.scheduling(&asked);
             assert!(scheduling.policy().is_ok(), "{}", contender.name);
             assert_eq!(scheduling.estimator.name() == "uniform", contender.estimate == Estimate::None);

@@ -5,13 +5,13 @@
 //! | [`figure1`] | the paper's Figure 1: tracing time against task size, with and without cost initialisation |
 //! | [`simulate`] | machines that are not there, played from measured task times |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
-//! | [`contenders`] | the ways to schedule that experiments compare |
+//! | [`compare`] | which queue, policy and estimator to use for a scene and devices |
+//! | [`contenders`] | the ways to schedule that other experiments set beside each other |
 //! | [`arguments`] | values on the command lines of programs that run experiments |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
-//! Programs, each with `--help`: `compare` (every way to schedule), `estimation` (what estimates cost and how wrong
-//! they are),
-//! `coverage` (how often their intervals hold). `cargo run --release -p rt-lab --bin compare -- yard` runs one.
+//! Programs, each with `--help`: `estimation` (what estimates cost and how wrong they are), `coverage` (how often their
+//! intervals hold). `cargo run --release -p rt-lab --bin coverage -- yard` runs one.
 //!
 //! Whoever runs one hands it a [`Lab`]: how scenes are loaded, how it is stopped, and where it shows what it does. So
 //! nothing here knows a command line or a terminal.
@@ -19,6 +19,7 @@
 
 pub mod arguments;
 pub mod bench;
+pub mod compare;
 pub mod contenders;
 pub mod figure1;
 mod lab;

@@ -31,6 +31,12 @@ pub enum TaskCut {
 }
 
 impl TaskCut {
+    /// From a number of tasks or of their rays, whichever was asked for.
+    #[must_use]
+    pub fn of_options(tasks: Option<u32>, size: Option<u32>) -> Self {
+        tasks.map(Self::Count).or(size.map(Self::Size)).unwrap_or(Self::Suited)
+    }
+
     /// The stream cut for so many devices.
     #[must_use]
     pub fn of(self, stream: Stream, devices: usize) -> Stream {

@@ -20,6 +20,13 @@ pub enum ReportError {
     },
     /// The font that comes with the program is broken.
     Font,
+    /// A file that was read is not what it should be.
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and where.
+        what: String,
+    },
     /// A file cannot be read.
     Read {
         /// The file.
@@ -41,6 +48,10 @@ impl ReportError {
         Self::Read { path: path.to_owned(), source }
     }
 
+    pub(crate) fn content(path: &Path, what: String) -> Self {
+        Self::Content { path: path.to_owned(), what }
+    }
+
     pub(crate) fn write(path: &Path, source: io::Error) -> Self {
         Self::Write { path: path.to_owned(), source }
     }
@@ -54,6 +65,7 @@ impl fmt::Display for ReportError {
                 write!(f, "{found} radiances for a picture of {width} × {height}")
             }
             Self::Font => write!(f, "the embedded font is broken"),
+            Self::Content { path, what } => write!(f, "`{}`: {what}", path.display()),
             Self::Read { path, .. } => write!(f, "cannot read `{}`", path.display()),
             Self::Write { path, .. } => write!(f, "cannot write `{}`", path.display()),
         }

@@ -44,8 +44,9 @@ struct Sums {
     expected_gain_s: Option<f64>,
     unused_s: Option<f64>,
     unused_gain_s: f64,
-    /// Share of the rays that was sampled for what was not used.
-    unused_fraction: f64,
+    /// Rays that were sampled for what was not used, and those of the streams that they were of.
+    sampled: f64,
+    sampled_of: f64,
     uninformed: usize,
     recalled: usize,
 }
@@ -103,7 +104,8 @@ impl Sums {
                 // Hits of sampled rays are kept, so that they need not be traced.
                 let net_s = (unused.seconds - unused.fraction * makespan_s).max(0.0);
                 self.unused_s = Some(self.unused_s.unwrap_or(0.0) + net_s);
-                self.unused_fraction = self.unused_fraction.max(unused.fraction);
+                self.sampled += unused.fraction * f64::from(report.rays);
+                self.sampled_of += f64::from(report.rays);
             }
         } else {
             self.estimates_s += estimate.seconds;
@@ -180,7 +182,7 @@ impl Sums {
             return Some(format!("Estimating {what} first could have gained {gain} at most."));
         };
         let verdict = if cost_s < self.unused_gain_s { "it might have paid" } else { "it would not have paid" };
-        let (sampled, cost) = (one_in(self.unused_fraction), seconds(cost_s));
+        let (sampled, cost) = (one_in(self.sampled / self.sampled_of), seconds(cost_s));
         Some(format!(
             "Estimating {what} first ({sampled}) would have cost about {cost} and gained {gain} at most: {verdict}."
         ))

@@ -7,7 +7,7 @@ use png::EncodingError;
 use rayon::prelude::*;
 use std::fs::{self, File};
 use std::io::{self, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
 const BLOCK: usize = 1 << 18;
@@ -79,37 +79,100 @@ pub(crate) fn preview(path: &Path, most: u32) -> Result<Preview, ReportError> {
 }
 
 fn scaled(path: &Path, most: u32) -> io::Result<Preview> {
-    let file = File::open(path)?;
-    let mut reader = png::Decoder::new(BufReader::new(file)).read_info()?;
+    let mut reader = open(path)?;
     let (width, height) = (reader.info().width, reader.info().height);
-    if reader.output_color_type() != (png::ColorType::Rgb, png::BitDepth::Eight) {
-        return Err(io::Error::other("its pixels are not those of this program"));
-    }
     let pixels = f64::from(width) * f64::from(height);
     let one_in = (pixels / f64::from(most)).sqrt().ceil().max(1.0) as u32;
     if one_in == 1 {
         return Ok(Preview { png: fs::read(path)?, one_in });
     }
-    let [columns, rows] = [width, height].map(|side| side.div_ceil(one_in));
     let mut png = Vec::new();
-    encode_png(&mut png, [columns, rows], |out| {
-        for row in 0..rows {
-            let mut sums = vec![(Vec3::ZERO, 0.0); columns as usize];
-            for _ in 0..one_in.min(height - row * one_in) {
-                let line = reader.next_row()?.ok_or(io::ErrorKind::UnexpectedEof)?;
-                for (pixel, column) in line.data().as_chunks::<3>().0.iter().zip(0..) {
-                    let (sum, count) = &mut sums[(column / one_in) as usize];
-                    *sum += Vec3::from(pixel.map(|channel| linear(f32::from(channel) / 255.0)));
-                    *count += 1.0;
-                }
-            }
-            for (sum, count) in sums {
-                out.write_all(&(sum / count).to_array().map(|channel| (srgb(channel) * 255.0).round() as u8))?;
-            }
-        }
-        Ok(())
+    encode_png(&mut png, [width, height].map(|side| side.div_ceil(one_in)), |out| {
+        shrink(&mut reader, one_in, &mut |row| out.write_all(row.as_flattened()))
     })?;
     Ok(Preview { png, one_in })
+}
+
+type Reader = png::Reader<BufReader<File>>;
+
+/// A picture that [`write_png`] wrote.
+fn open(path: &Path) -> io::Result<Reader> {
+    let reader = png::Decoder::new(BufReader::new(File::open(path)?)).read_info()?;
+    if reader.output_color_type() == (png::ColorType::Rgb, png::BitDepth::Eight) {
+        Ok(reader)
+    } else {
+        Err(io::Error::other("its pixels are not those of this program"))
+    }
+}
+
+/// Hands `take` the rows of a picture of which each square of so many pixels became their mean.
+fn shrink(reader: &mut Reader, one_in: u32, take: &mut dyn FnMut(&[[u8; 3]]) -> io::Result<()>) -> io::Result<()> {
+    let (width, height) = (reader.info().width, reader.info().height);
+    let [columns, rows] = [width, height].map(|side| side.div_ceil(one_in));
+    for row in 0..rows {
+        let mut sums = vec![(Vec3::ZERO, 0.0); columns as usize];
+        for _ in 0..one_in.min(height - row * one_in) {
+            let line = reader.next_row()?.ok_or(io::ErrorKind::UnexpectedEof)?;
+            for (pixel, column) in line.data().as_chunks::<3>().0.iter().zip(0..) {
+                let (sum, count) = &mut sums[(column / one_in) as usize];
+                *sum += Vec3::from(pixel.map(|channel| linear(f32::from(channel) / 255.0)));
+                *count += 1.0;
+            }
+        }
+        let mean = |(sum, count): (Vec3, f32)| (sum / count).to_array().map(|c| (srgb(c) * 255.0).round() as u8);
+        take(&sums.into_iter().map(mean).collect::<Vec<_>>())?;
+    }
+    Ok(())
+}
+
+/// Most frames on a contact sheet; of more, as many are picked evenly.
+const MOST_ON_SHEET: usize = 48;
+
+/// Width of a frame on a contact sheet in pixels, about.
+const ON_SHEET: u32 = 240;
+
+/// Pixels between frames on a contact sheet.
+const GAP: u32 = 8;
+
+/// Writes a contact sheet of pictures of one size that [`write_png`] wrote: small, in order, row by row.
+///
+/// # Errors
+/// When there is none, one of them cannot be read, or the file not be written.
+pub fn write_contact_sheet(path: &Path, pictures: &[PathBuf]) -> Result<(), ReportError> {
+    let shown = pictures.len().min(MOST_ON_SHEET);
+    let picked = (0..shown).map(|index| &pictures[index * pictures.len() / shown]);
+    let mut small: Vec<Vec<Vec<[u8; 3]>>> = Vec::new();
+    for file in picked {
+        let read = || {
+            let mut reader = open(file)?;
+            let one_in = reader.info().width.div_ceil(ON_SHEET).max(1);
+            let mut rows = Vec::new();
+            shrink(&mut reader, one_in, &mut |row| {
+                rows.push(row.to_vec());
+                Ok(())
+            })?;
+            Ok(rows)
+        };
+        small.push(read().map_err(|source| ReportError::read(file, source))?);
+    }
+    let size = |frame: &Vec<Vec<[u8; 3]>>| (frame.first().map_or(0, Vec::len) as u32, frame.len() as u32);
+    let Some((width, height)) = small.first().map(size) else {
+        return Err(ReportError::Nothing("a contact sheet of no pictures"));
+    };
+    // About as wide as high, for pictures that are wider than high.
+    let columns = (shown as f64 * f64::from(height) / f64::from(width)).sqrt().ceil().max(1.0) as u32;
+    let rows = (shown as u32).div_ceil(columns);
+    let whole = [columns * (width + GAP) + GAP, rows * (height + GAP) + GAP];
+    let mut bytes = vec![[255; 3]; whole[0] as usize * whole[1] as usize];
+    for (index, frame) in (0..).zip(&small) {
+        let (left, top) = (GAP + index % columns * (width + GAP), GAP + index / columns * (height + GAP));
+        for (y, row) in (top..).zip(frame.iter().take(height as usize)) {
+            let begin = (y * whole[0] + left) as usize;
+            let own = row.len().min(width as usize);
+            bytes[begin..begin + own].copy_from_slice(&row[..own]);
+        }
+    }
+    write_rgb(path, whole[0], whole[1], bytes.as_flattened())
 }
 
 /// The error of whoever was written to, as it was: callers look at its kind.
@@ -192,6 +255,30 @@ mod tests {
         assert_eq!(pixels[..3], [0; 3]);
         assert!(pixels[3..].iter().all(|&channel| channel > 250));
         assert!(write_png(&path, [2, 2], &[Vec3::ZERO], 1.0).is_err());
+    }
+
+    /// Mutants: frames on top of each other, out of order, or beyond the sheet.
+    #[test]
+    fn a_contact_sheet_has_every_frame_in_order() {
+        let dir = tempfile::tempdir().unwrap();
+        let frame = |grey: u8| {
+            let path = dir.path().join(format!("{grey}.png"));
+            write_rgb(&path, 4, 3, &[grey; 36]).unwrap();
+            path
+        };
+        let path = dir.path().join("contact.png");
+        write_contact_sheet(&path, &[10, 20, 30, 40, 50].map(frame)).unwrap();
+        let mut reader = open(&path).unwrap();
+        // Two columns of 4 pixels, three rows of 3, and gaps of 8.
+        assert_eq!((reader.info().width, reader.info().height), (32, 41));
+        let mut bytes = vec![0; 32 * 41 * 3];
+        reader.next_frame(&mut bytes).unwrap();
+        let at = |x: usize, y: usize| bytes[(y * 32 + x) * 3];
+        assert_eq!([at(8, 8), at(20, 8), at(8, 19), at(23, 21), at(11, 32)], [10, 20, 30, 40, 50]);
+        assert_eq!([at(7, 8), at(12, 8), at(20, 30)], [255; 3]);
+        assert!(write_contact_sheet(&path, &[]).is_err());
+        let many: Vec<PathBuf> = (0..100).map(frame).collect();
+        write_contact_sheet(&path, &many).unwrap();
     }
 
     /// Mutants: means of what is encoded; the last row or column, of fewer pixels, lost or darkened; a small picture

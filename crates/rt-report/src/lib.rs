@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod diff;
 mod error;
 pub mod exit;
 pub mod headline;
@@ -13,10 +14,12 @@ pub mod image;
 mod machine;
 pub mod npy;
 pub mod output;
+pub mod pictures;
 pub mod print;
 mod provenance;
 pub mod report;
 pub mod table;
+pub mod tasks;
 pub mod terminal;
 pub mod usage;
 

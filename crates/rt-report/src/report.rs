@@ -134,10 +134,16 @@ impl CameraReport {
 /// Options of the command that give the same camera.
 impl fmt::Display for CameraReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ([ex, ey, ez], [tx, ty, tz], [ux, uy, uz]) = (self.eye, self.target, self.up);
-        let fov = self.fov_degrees;
-        write!(f, "--eye {ex},{ey},{ez} --target {tx},{ty},{tz} --up {ux},{uy},{uz} --fov {fov}")
+        let point = |point: [f64; 3]| point.map(short).join(",");
+        let up = point(self.up.map(f64::from));
+        write!(f, "--eye {} --target {} --up {up} --fov {}", point(self.eye), point(self.target), self.fov_degrees)
     }
+}
+
+/// The shortest text that is read as the same number: most are single precision.
+fn short(value: f64) -> String {
+    let single = value as f32;
+    if f64::from(single) == value { single.to_string() } else { value.to_string() }
 }
 
 /// Wall seconds of the whole run, by what was done.
@@ -181,5 +187,21 @@ impl Seconds {
         self.reference += reference;
         self.unused_estimate += unused;
         self.shade += (wall_s - setup - makespan - reference - unused).max(0.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mutants: an offset left out; digits of single precision written as those of double precision.
+    #[test]
+    fn a_camera_can_be_typed() {
+        let view = View { eye: Vec3::new(1.1, -2.0, 0.5), target: Vec3::ZERO, up: Vec3::Y, fov_degrees: 40.0 };
+        let text = CameraReport::of(&view, DVec3::ZERO).to_string();
+        assert_eq!(text, "--eye 1.1,-2,0.5 --target 0,0,0 --up 0,1,0 --fov 40");
+        let far = CameraReport::of(&view, DVec3::new(5e6, 0.0, 0.25));
+        assert_eq!(far.target, [5e6, 0.0, 0.25]);
+        assert!(far.to_string().contains("--target 5000000,0,0.25"), "{far}");
     }
 }

@@ -16,10 +16,10 @@ const FAR_LARGER: f64 = 4.0;
 /// memory.
 const SAMPLE: usize = 1 << 20;
 
-/// Smallest and largest corner of all finite triangles, or of the triangles between the outliers where these make the
-/// model many times larger. `None` without finite triangles. Takes linear time.
+/// Smallest and largest corner of all finite triangles but a floor's, or of the triangles between the outliers where
+/// these make the model many times larger. `None` without finite triangles. Takes linear time.
 pub(crate) fn frame(model: &Model) -> Option<(DVec3, DVec3)> {
-    let count = u32::try_from(model.indices.len()).unwrap_or(u32::MAX);
+    let count = u32::try_from(model.own().len()).unwrap_or(u32::MAX);
     let bounds_of = |i| model.triangle(i).filter(|triangle| triangle.is_finite()).map(|triangle| triangle.bounds());
     let whole = (0..count).filter_map(bounds_of).fold(Aabb::EMPTY, |all, b| all.union(b));
     if whole.is_empty() {

@@ -24,6 +24,8 @@ pub struct Model {
     pub offset: DVec3,
     /// The view that shows the model well, where one is known.
     pub view: Option<View>,
+    /// Whether the last two triangles are a floor that was put under it: see [`Model::add_floor`].
+    pub has_floor: bool,
 }
 
 /// A camera's parameters as a person gives them.
@@ -69,6 +71,12 @@ fn colour(palette: &[Vec3], colour_of: &[u16], primitive: u32) -> Vec3 {
     palette.get(usize::from(index)).copied().unwrap_or(UNCOLOURED)
 }
 
+/// A floor reaches so many times the model's longest side.
+const FLOOR_REACH: f32 = 40.0;
+
+/// Colour of a floor: a grey on which shadows are seen, and what is lighter or darker than it.
+const FLOOR: Vec3 = Vec3::splat(0.4);
+
 /// Colour of triangles that have none: a warm light grey, as of unglazed clay.
 pub(crate) const UNCOLOURED: Vec3 = Vec3::new(0.62, 0.58, 0.53);
 
@@ -84,6 +92,40 @@ impl Model {
         let mut positions = memory::list(vertices.len()).map_err(refused)?;
         positions.extend(vertices.iter().map(|&vertex| (vertex - offset).as_vec3()));
         Ok(Self { source: source.into(), positions, indices, palette: vec![UNCOLOURED], offset, ..Self::default() })
+    }
+
+    /// Puts a floor under the model, two triangles behind its own: so wide that pictures do not show its end, and
+    /// touched by the lowest vertex. Automatic views do not count it. A model without finite vertices gets none.
+    ///
+    /// # Errors
+    /// When the system refuses the memory.
+    pub fn add_floor(&mut self) -> Result<(), BuildError> {
+        let bounds = self.bounds();
+        if bounds.is_empty() || self.has_floor {
+            return Ok(());
+        }
+        let refused = |_| BuildError::OutOfMemory { what: "the floor", bytes: size_of::<[Vec3; 4]>() as u64 };
+        self.positions.try_reserve(4).map_err(refused)?;
+        self.indices.try_reserve(2).map_err(refused)?;
+        self.colour_of.try_reserve((self.indices.len() + 2).saturating_sub(self.colour_of.len())).map_err(refused)?;
+        let (middle, reach) = ((bounds.min + bounds.max) / 2.0, FLOOR_REACH * bounds.extent().max_element());
+        let reach = reach.min(f32::MAX / 4.0);
+        let first = u32::try_from(self.positions.len()).unwrap_or(u32::MAX - 4);
+        let corner = |[x, z]: [f32; 2]| Vec3::new(middle.x + x * reach, bounds.min.y, middle.z + z * reach);
+        self.positions.extend([[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(corner));
+        let colour = u16::try_from(self.palette.len()).unwrap_or(0);
+        self.palette.push(FLOOR);
+        self.colour_of.resize(self.indices.len(), 0);
+        self.colour_of.extend([colour; 2]);
+        self.indices.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+        self.has_floor = true;
+        Ok(())
+    }
+
+    /// Triangles without a floor that was put under them.
+    pub(crate) fn own(&self) -> &[[u32; 3]] {
+        let floor = if self.has_floor { 2 } else { 0 };
+        &self.indices[..self.indices.len().saturating_sub(floor)]
     }
 
     /// Triangle `primitive`, or `None` beyond the last.
@@ -123,6 +165,27 @@ impl Model {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Mutants: a floor that hides what is low; colours of the model's own triangles shifted; a view of the floor.
+    #[test]
+    fn a_floor_touches_what_is_lowest_and_changes_no_view() {
+        let corners = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(2.0, 5.0, 3.5), Vec3::new(1.0, 3.0, 4.0)];
+        let indices = vec![[0, 1, 2]];
+        let mut model = Model { positions: corners.to_vec(), indices, palette: vec![Vec3::X], ..Model::default() };
+        let before = crate::view::auto_view(&model, 1.6);
+        model.add_floor().unwrap();
+        assert_eq!((model.indices.len(), model.colour_of.len(), model.own().len()), (3, 3, 1));
+        assert_eq!((model.colour(0), model.colour(1), model.colour(2)), (Vec3::X, FLOOR, FLOOR));
+        let floor = [1, 2].map(|id| model.triangle(id).unwrap());
+        assert!(floor.iter().all(|triangle| triangle.bounds().min.y == 2.0 && triangle.bounds().max.y == 2.0));
+        assert!(floor.iter().all(|triangle| triangle.area_normal().y > 0.0), "it is seen from above");
+        assert_eq!(crate::view::auto_view(&model, 1.6), before);
+        model.add_floor().unwrap();
+        assert_eq!(model.indices.len(), 3);
+        let mut nothing = Model::default();
+        nothing.add_floor().unwrap();
+        assert!(nothing.indices.is_empty());
+    }
 
     /// Mutants: the offset subtracted after rounding; one where coordinates are small.
     #[test]

@@ -25,6 +25,8 @@ pub struct Options {
     pub invalid: InvalidTriangles,
     /// How triangles are to be tested; `None`: as the scan of the scene proposes.
     pub precision: Option<Precision>,
+    /// Whether a floor is put under the scene.
+    pub floor: bool,
 }
 
 impl Options {
@@ -32,7 +34,7 @@ impl Options {
     /// precision.
     #[must_use]
     pub const fn new(builder: Builder) -> Self {
-        Self { builder, invalid: InvalidTriangles::Refuse, precision: None }
+        Self { builder, invalid: InvalidTriangles::Refuse, precision: None, floor: false }
     }
 
     /// How trees are built.
@@ -73,9 +75,15 @@ pub struct Prepared {
 
 impl Prepared {
     /// The model's own view, else the one of a `cameras.tsv` beside its file, else one that shows all of it: from
-    /// outside, or from inside where it is a room. Pictures and measurements have the same.
+    /// outside, or from inside where it is a room.
     #[must_use]
     pub fn view(&self) -> View {
+        self.view_in(1.0)
+    }
+
+    /// The same, as near as a picture lets that is `aspect` times as wide as high.
+    #[must_use]
+    pub fn view_in(&self, aspect: f32) -> View {
         let scene: &Scene = &self.built.scene;
         let automatic = || {
             let mut stack = Stack::for_scene(scene);
@@ -85,7 +93,7 @@ impl Prepared {
                 rt_bvh::trace(scene, &mut stack, StreamSpec::default(), rays, |hit, _| nearest = hit);
                 nearest
             };
-            let outside = view::auto_view(&self.model);
+            let outside = view::auto_view(&self.model, aspect);
             view::interior_view(&self.model, &outside, &mut probe).unwrap_or(outside)
         };
         self.model.view.or(self.listed).unwrap_or_else(automatic)
@@ -130,7 +138,10 @@ fn finish(
     options: &Options,
     watch: &mut Watch<'_>,
 ) -> Result<Prepared, PrepareError> {
-    let Named { name, model, warnings, notes, libraries } = named;
+    let Named { name, mut model, warnings, notes, libraries } = named;
+    if options.floor {
+        model.add_floor().map_err(|source| PrepareError::Build { scene: model.source.clone(), source })?;
+    }
     let scan = Scan::watched(&model, watch).ok_or_else(|| PrepareError::Load(Fault::Stopped.of(&model.source)))?;
     let mut plan = Plan::new(&scan);
     let load_s = start.elapsed().as_secs_f64();

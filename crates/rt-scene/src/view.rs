@@ -15,31 +15,44 @@ const FOV_DEGREES: f32 = 40.0;
 /// flat model is never seen edge-on.
 const TOWARDS_EYE: DVec3 = DVec3::new(0.6, 0.45, 1.0);
 
-/// Air around the frame.
+/// How much larger the picture is than the model in it.
 const MARGIN: f64 = 1.05;
 
-/// A view that shows the model well: from the front right and above, `y` up, everything in the frame of any picture
-/// that is at least as wide as high.
+/// How much farther the eye is than that, so that it is in front of the nearest vertex even of a needle that points at
+/// it.
+const CLEARANCE: f64 = 1.01;
+
+/// A view that shows the model well: from the front right and above, `y` up, and as near as leaves all of it in a
+/// picture `aspect` times as wide as high, or wider.
 ///
 /// Where less than 1% of the triangles make the model many times larger, such as a ground plane to the horizon, the
 /// frame holds the rest. Vertices that are not finite are ignored, and a model without extent, or without triangles,
 /// gets a view too: [`View::camera`] never fails on the result.
 #[must_use]
-pub fn auto_view(model: &Model) -> View {
+pub fn auto_view(model: &Model, aspect: f32) -> View {
     let (low, high) = frame(model).unwrap_or_default();
-    let target = (low + high) / 2.0;
-    let half = (high - low) / 2.0;
+    let middle = (low + high) / 2.0;
     let back = TOWARDS_EYE.normalize();
     let right = DVec3::Y.cross(back).normalize();
     let up = back.cross(right);
     let slope = libm::tan(f64::from(FOV_DEGREES).to_radians() / 2.0);
-    // Each corner of the frame must lie inside the pyramid of a square picture.
-    let corner = |i: u8| {
-        let side = |bit: u8| if i & bit == 0 { -1.0 } else { 1.0 };
-        let corner = half * DVec3::new(side(1), side(2), side(4));
-        corner.dot(right).abs().max(corner.dot(up).abs()) / slope + corner.dot(back)
+    let aspect = if aspect.is_finite() && aspect > 0.0 { f64::from(aspect) } else { 1.0 };
+    // Each point must lie inside the pyramid of the picture. Along each axis of that the apex is as near as the two
+    // planes allow that bound it, and in their middle.
+    let apex = |axis: DVec3, slope: f64| {
+        let (mut one, mut other) = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        for point in substance(model, low, high) {
+            let from = point - middle;
+            let (across, towards) = (from.dot(axis) / slope, from.dot(back));
+            (one, other) = (one.max(towards + across), other.max(towards - across));
+        }
+        let found = one.is_finite() && other.is_finite();
+        if found { ((one + other) / 2.0, (one - other) / 2.0 * slope) } else { (0.0, 0.0) }
     };
-    let distance = MARGIN * (0..8).map(corner).fold(0.0, f64::max);
+    let slope = slope / MARGIN;
+    let ((wide, across), (high, upward)) = (apex(right, slope * aspect), apex(up, slope));
+    let target = middle + right * across + up * upward;
+    let distance = CLEARANCE * wide.max(high);
     // Far enough for single precision to tell eye and target apart, and 1 away from a point at the origin.
     let least = if target == DVec3::ZERO { 0.0 } else { target.abs().max_element() * 1e-5 };
     let distance = match distance.max(least) {
@@ -48,8 +61,15 @@ pub fn auto_view(model: &Model) -> View {
     };
     // Models at the edge of single precision are seen from that edge.
     let most = DVec3::splat(f64::from(f32::MAX));
-    let eye = (target + back * distance).clamp(-most, most);
-    View { eye: eye.as_vec3(), target: target.as_vec3(), up: Vec3::Y, fov_degrees: FOV_DEGREES }
+    let [eye, target] = [target + back * distance, target].map(|point| point.clamp(-most, most).as_vec3());
+    View { eye, target, up: Vec3::Y, fov_degrees: FOV_DEGREES }
+}
+
+/// Corners of the model's triangles that lie in its frame.
+fn substance(model: &Model, low: DVec3, high: DVec3) -> impl Iterator<Item = DVec3> {
+    let corners = model.own().iter().flatten().filter_map(|&index| model.positions.get(index as usize));
+    let inside = move |point: &DVec3| point.cmpge(low).all() && point.cmple(high).all();
+    corners.map(|corner| corner.as_dvec3()).filter(inside)
 }
 
 /// Rays per side of the probe picture in [`interior_view`]: 24² rays tell a wall from a furnished room.
@@ -59,14 +79,21 @@ const PROBES: u32 = 24;
 /// outside are expected to be seen from there.
 const CLEARLY_MORE: usize = 2;
 
+/// Directions in which an observer inside looks for walls.
+const LOOKS: u32 = 256;
+
+/// Share of them in which a room has some: five walls of a box that is open in front are more, as is a hall with
+/// windows. Beside a thing that stands on the ground, or among its limbs, it is about half.
+const ENCLOSED: f64 = 0.7;
+
 /// Field of view inside a room, in degrees: as wide as pictures of rooms usually are.
 const ROOM_FOV_DEGREES: f32 = 65.0;
 
 /// Where in the frame an observer inside stands, as shares of its half-extents: near a corner, above eye height.
 const CORNER: DVec3 = DVec3::new(0.8, 0.15, 0.8);
 
-/// A view from inside the model where that shows clearly more of it than `outside` does: rooms, of which the outside
-/// is a few bare walls. `probe` traces one ray and returns its nearest hit.
+/// A view from inside the model where that is closed on most sides and shows clearly more than `outside` does: rooms,
+/// of which the outside is a few bare walls. `probe` traces one ray and returns its nearest hit.
 ///
 /// "More" is the number of different triangles that a coarse grid of rays meets.
 #[must_use]
@@ -86,8 +113,22 @@ pub fn interior_view(model: &Model, outside: &View, probe: &mut dyn FnMut(&Ray) 
         let rays = (0..PROBES * PROBES).map(|i| camera.ray(at(i % PROBES), at(i / PROBES), 1.0));
         rays.map(|ray| probe(&ray).primitive).filter(|&p| p != Hit::MISS.primitive).collect::<BTreeSet<_>>().len()
     };
-    let (count, best) = (0..4).map(corner).map(|view| (seen(&view), view)).max_by_key(|(count, _)| *count)?;
-    (count > CLEARLY_MORE * seen(outside)).then_some(best)
+    let views = (0..4).map(corner).map(|view| (seen(&view), view));
+    let (count, best) = views.max_by_key(|(count, _)| *count)?;
+    (count > CLEARLY_MORE * seen(outside) && is_enclosed(best.eye, probe)).then_some(best)
+}
+
+/// Whether there is something on most sides of a point.
+fn is_enclosed(eye: Vec3, probe: &mut dyn FnMut(&Ray) -> Hit) -> bool {
+    // Spread evenly over the sphere, along a spiral of the golden angle.
+    let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+    let direction = |i: u32| {
+        let y = 1.0 - (2.0 * i as f32 + 1.0) / LOOKS as f32;
+        let (sin, cos) = (golden * i as f32).sin_cos();
+        Vec3::new(cos, 0.0, sin) * (1.0 - y * y).sqrt() + Vec3::Y * y
+    };
+    let walls = (0..LOOKS).filter(|&i| probe(&Ray::new(eye, direction(i))).is_hit()).count();
+    walls as f64 >= ENCLOSED * f64::from(LOOKS)
 }
 
 /// Where [`listed`] looks for a scene's view.
@@ -175,12 +216,41 @@ mod tests {
         };
         let furniture: Vec<_> = (0..64).map(small).collect();
         let room = boxed(furniture.clone());
-        let inside = interior_view(&room, &auto_view(&room), &mut brute(&room)).expect("bare walls outside");
+        let inside = interior_view(&room, &auto_view(&room, 1.0), &mut brute(&room)).expect("bare walls outside");
         assert!(inside.eye.abs().max_element() < 4.0, "{inside:?}");
         let things = soup(furniture);
-        assert_eq!(interior_view(&things, &auto_view(&things), &mut brute(&things)), None);
+        assert_eq!(interior_view(&things, &auto_view(&things, 1.0), &mut brute(&things)), None);
         let empty = Model::default();
-        assert_eq!(interior_view(&empty, &auto_view(&empty), &mut brute(&empty)), None);
+        assert_eq!(interior_view(&empty, &auto_view(&empty, 1.0), &mut brute(&empty)), None);
+    }
+
+    /// A thing of which much is seen from among its limbs is no room. Fails when walls are not looked for.
+    #[test]
+    fn things_are_not_seen_from_among_their_limbs() {
+        let small = |i: u16| {
+            let p = Vec3::new(f32::from(i % 8) - 4.0, -3.0 + f32::from(i % 3) * 0.4, f32::from(i / 8) - 4.0);
+            [p, p + Vec3::new(0.7, 0.1, 0.0), p + Vec3::new(0.1, 0.7, 0.7)]
+        };
+        let mut room = boxed((0..64).map(small).collect());
+        // Without its ceiling and two of its walls.
+        let walls = room.indices.len() - 12;
+        for wall in [1, 3, 5] {
+            for half in 0..2 {
+                room.indices[walls + 2 * wall + half] = [0, 0, 0];
+            }
+        }
+        assert!(!is_enclosed(Vec3::new(3.0, 0.5, 3.0), &mut brute(&room)));
+        assert_eq!(interior_view(&room, &auto_view(&room, 1.0), &mut brute(&room)), None);
+    }
+
+    /// A long thing fills a wide picture. Fails when the picture is taken for a square.
+    #[test]
+    fn wide_pictures_are_filled() {
+        let model = soup(vec![[Vec3::new(-4.0, 0.0, 0.0), Vec3::new(4.0, 0.0, 0.0), Vec3::new(0.0, 0.1, 0.1)]]);
+        let [square, wide] = [1.0, 2.0].map(|aspect| auto_view(&model, aspect));
+        let distance = |view: View| view.eye.distance(view.target);
+        assert!(distance(wide) < 0.6 * distance(square), "{wide:?} {square:?}");
+        assert!(largest_offset(&wide, &model.positions) > 1.5);
     }
 
     /// Position in the picture: the middle is (0, 0), the borders are at ±1.
@@ -218,11 +288,11 @@ mod tests {
             let scale = 10_f32.powi(exponent);
             let model = soup(corners.iter().map(|t| t.map(|p| (p + 10.0 * offset) * scale)).collect());
             prop_assume!(model.bounds().extent().length() > 1e-3 * scale);
-            let view = auto_view(&model);
+            let view = auto_view(&model, 1.0);
             let offset = largest_offset(&view, &model.positions);
             prop_assert!(offset <= 1.0, "{offset}");
-            // The frame's corners are not the model's, but a model whose box is not thin comes near the border.
-            prop_assert!(offset > 0.1, "{offset}");
+            // Some corner comes near the border, unless it is near the eye.
+            prop_assert!(offset > 0.5, "{offset}");
         }
 
         /// Guards: whatever the vertices, there is a camera. Fails without the clamp of the eye or the least distance.
@@ -231,7 +301,7 @@ mod tests {
             let point = |i: usize| Vec3::splat(*values.get(i).unwrap_or(&0.0));
             let last = if twice { point(0) } else { point(4) };
             let model = soup(vec![[point(0), point(1), point(2)], [point(0), point(0), last]]);
-            prop_assert!(auto_view(&model).camera().is_ok(), "{:?}", auto_view(&model));
+            prop_assert!(auto_view(&model, 1.0).camera().is_ok(), "{:?}", auto_view(&model, 1.0));
         }
 
         /// Guards: distance to the target and height along the axis stay. Fails when the eye is turned about the
@@ -248,8 +318,9 @@ mod tests {
 
     #[test]
     fn degenerate_models_get_a_camera() {
-        let camera =
-            |model: &Model| auto_view(model).camera().unwrap_or_else(|e| panic!("{e}: {:?}", auto_view(model)));
+        let camera = |model: &Model| {
+            auto_view(model, 1.0).camera().unwrap_or_else(|e| panic!("{e}: {:?}", auto_view(model, 1.0)))
+        };
         camera(&Model::default());
         for p in [Vec3::ZERO, Vec3::ONE, Vec3::splat(1e-40), Vec3::splat(-3e38), Vec3::NAN, Vec3::X * 1e20] {
             camera(&soup(vec![[p; 3]]));
@@ -268,11 +339,11 @@ mod tests {
             })
             .collect();
         let subject = corners.concat();
-        let plain = auto_view(&soup(corners.clone()));
+        let plain = auto_view(&soup(corners.clone()), 1.0);
         let far = 1000.0;
         let ground = [(-far, -far), (far, -far), (far, far), (-far, far)].map(|(x, z)| Vec3::new(x, 0.0, z));
         corners.extend([[ground[0], ground[1], ground[2]], [ground[0], ground[2], ground[3]]]);
-        let view = auto_view(&soup(corners));
+        let view = auto_view(&soup(corners), 1.0);
         assert!(view.eye.distance(plain.eye) < 0.3, "{view:?} instead of {plain:?}");
         let offset = largest_offset(&view, &subject);
         assert!((0.5..1.1).contains(&offset), "{offset}");

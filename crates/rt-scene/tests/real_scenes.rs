@@ -47,6 +47,6 @@ fn examine(path: &Path, triangles: u64, degenerate: u64) -> Result<(), Failed> {
         let (found, flat) = (scan.triangles, scan.degenerate);
         return Err(format!("{found} triangles, {flat} without area, instead of {triangles} and {degenerate}").into());
     }
-    auto_view(&model).camera()?;
+    auto_view(&model, 1.5).camera()?;
     Ok(())
 }

@@ -1,7 +1,6 @@
 //! Compares this project's trees, Embree and obvhs with the exact reference on real scenes.
 //!
-//! `cargo run --release -p rt-tests --bin parity -- --rays 100000 [--scene NAME] [--seed N] [--json FILE]`, with the
-//! environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
+//! `cargo run --release -p rt-tests --bin parity -- --help`, with the environment variable `RAYBALANCE_SCENES` naming a folder of `.obj` files. The exit status is 1 when any answer of
 //! ours is wrong, 2 when an option is. Embree is left out, with the reason, where its library is missing;
 //! `RT_REQUIRE=embree` forbids that.
 //!
@@ -13,12 +12,13 @@
 #![forbid(unsafe_code)]
 
 use anyhow::{Context, Error, Result, bail};
+use clap::Parser;
 use rt_bvh::{Builder, WideTree};
 use rt_conformance::is_required;
 use rt_core::{Device, Precision, Query, StreamSpec};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::{Stdout, note};
-use rt_report::usage::usage;
-use rt_report::{Provenance, exit};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
 use rt_tests::parity::{Exam, Kind};
@@ -32,12 +32,23 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-const USAGE: &str = "usage: parity [--rays N] [--scene NAME] [--seed N] [--json FILE]";
-
+/// Compare this project's trees, Embree and obvhs with the exact reference on real scenes.
+///
+/// Scenes are those of the folder that the environment variable RAYBALANCE_SCENES names.
+#[derive(Debug, Parser)]
+#[command(after_help = format!("{}; here 1 is also that an answer of ours is wrong.", Exit::HELP))]
 struct Arguments {
+    /// Rays of each scene
+    #[arg(long, value_name = "N", default_value_t = 100_000)]
     rays: u32,
+    /// Only the scene of this name
+    #[arg(long, value_name = "NAME")]
     scene: Option<String>,
+    /// Seed of the rays
+    #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u32,
+    /// Write the numbers to this file
+    #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
@@ -45,27 +56,10 @@ struct Arguments {
 type Peers = Vec<(String, Arc<dyn Device>, Precision)>;
 
 fn main() -> ExitCode {
-    exit::main(|| match run(&arguments()?)? {
+    exit::main(|| match run(&Arguments::parse())? {
         0 => Ok(()),
         wrong => bail!("{wrong} wrong answers of ours"),
     })
-}
-
-fn arguments() -> Result<Arguments> {
-    let mut found = Arguments { rays: 100_000, scene: None, seed: 1, json: None };
-    let mut words = std::env::args().skip(1);
-    while let Some(name) = words.next() {
-        let value = words.next().ok_or_else(|| usage(format!("{name}: a value is missing; {USAGE}")))?;
-        let number = || value.parse::<u32>().map_err(|e| usage(format!("{name} {value}: {e}; {USAGE}")));
-        match name.as_str() {
-            "--rays" => found.rays = number()?,
-            "--seed" => found.seed = number()?,
-            "--scene" => found.scene = Some(value),
-            "--json" => found.json = Some(value.into()),
-            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
-        }
-    }
-    Ok(found)
 }
 
 /// Returns the number of wrong answers of ours.

@@ -1,7 +1,7 @@
 //! Tries the promises on our devices and on other tracers with the same harness, and writes the tables of
 //! docs/results/robustness.md.
 //!
-//! `cargo run --release -p rt-tests --bin robustness -- [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE] [--json FILE] [--limit SECONDS]`:
+//! `cargo run --release -p rt-tests --bin robustness -- --help`:
 //! the first device of Vulkan and of wgpu through the system's loader, Embree as the environment variable
 //! `RAYBALANCE_EMBREE` or the system has it; what is missing is said and left out. `--only` keeps the tracers whose
 //! name contains the word. `--markdown` replaces what the file has between its two marker lines.
@@ -13,11 +13,12 @@ use anyhow::{Context, Result, anyhow};
 use backend_cpu::CpuDevice;
 use backend_vulkan::{Options as VulkanOptions, VulkanDevice};
 use backend_wgpu::{Options as WgpuOptions, WgpuDevice};
+use clap::Parser;
 use rt_bvh::{Builder, PlocQuality};
 use rt_core::{Device, Precision};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::{Stdout, note};
-use rt_report::usage::usage;
-use rt_report::{Provenance, exit};
 use rt_scene::builtin;
 use rt_tests::peers;
 use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
@@ -31,21 +32,46 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 use std::{fs, thread};
 
-const USAGE: &str = "usage: robustness [--full] [--rays N] [--seed N] [--only WORD] [--markdown FILE] [--json FILE] \
-                     [--limit SECONDS]";
-
 /// Lines between which the tables stand in a Markdown file.
 const MARKERS: [&str; 2] = ["<!-- tables of the program `robustness` -->", "<!-- end of tables -->"];
 
+/// Try the promises on our devices and on other tracers with the same harness.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Arguments {
-    options: Options,
+    /// 10^8 rays at closed surfaces, as `raybalance verify --full`
+    #[arg(long)]
+    full: bool,
+    /// Rays of each line about closed surfaces
+    #[arg(long, value_name = "N")]
+    rays: Option<u32>,
+    /// Seed of rays and meshes
+    #[arg(long, value_name = "N", default_value_t = Options::default().seed)]
+    seed: u32,
+    /// Only tracers whose name contains this word
+    #[arg(long, value_name = "WORD")]
     only: Option<String>,
+    /// Replace what this file has between its two marker lines
+    #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Write the numbers to this file
+    #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// The longest that one case may take.
-    limit: Duration,
-    /// The tracer and the case that this process is to try, whose lines it prints; everything where there is none.
-    task: Option<(String, String)>,
+    /// The longest that one case may take
+    #[arg(long, value_name = "SECONDS", default_value_t = 600)]
+    limit: u32,
+    // Not for people: how this program calls itself, to try one case of one tracer and print its lines.
+    #[arg(long, hide = true, num_args = 2, value_names = ["TRACER", "CASE"])]
+    task: Option<Vec<String>>,
+}
+
+impl Arguments {
+    /// What is tried, with the builder that the command takes by default.
+    fn options(&self) -> Options {
+        let extent = if self.full { Extent::Full } else { Options::default().extent };
+        let builder = Builder::Ploc(PlocQuality::Medium);
+        Options { extent, rays: self.rays, seed: self.seed, builder }
+    }
 }
 
 /// A line of a report, as it comes from another process.
@@ -77,35 +103,7 @@ struct Contender {
 }
 
 fn main() -> ExitCode {
-    exit::main(|| run(&arguments()?))
-}
-
-fn arguments() -> Result<Arguments> {
-    // The builder that the command takes by default.
-    let options = Options { builder: Builder::Ploc(PlocQuality::Medium), ..Options::default() };
-    let limit = Duration::from_secs(600);
-    let mut found = Arguments { options, only: None, markdown: None, json: None, limit, task: None };
-    let mut words = std::env::args().skip(1);
-    while let Some(name) = words.next() {
-        if name == "--full" {
-            found.options.extent = Extent::Full;
-            continue;
-        }
-        let value = words.next().ok_or_else(|| usage(format!("{name}: a value is missing; {USAGE}")))?;
-        let number = || value.parse::<u32>().map_err(|e| usage(format!("{name} {value}: {e}; {USAGE}")));
-        match name.as_str() {
-            "--rays" => found.options.rays = Some(number()?),
-            "--seed" => found.options.seed = number()?,
-            "--only" => found.only = Some(value),
-            "--markdown" => found.markdown = Some(value.into()),
-            "--json" => found.json = Some(value.into()),
-            "--limit" => found.limit = Duration::from_secs(number()?.into()),
-            // Not for people: how this program calls itself.
-            "--task" => found.task = Some((value, words.next().ok_or_else(|| usage(USAGE))?)),
-            _ => return Err(usage(format!("{name}: no such option; {USAGE}")).into()),
-        }
-    }
-    Ok(found)
+    exit::main(|| run(&Arguments::parse()))
 }
 
 /// Every tracer that is here, and why others are not. A process that tries only the tracer `wanted` opens no card for
@@ -160,23 +158,23 @@ fn first<D: Device + 'static, E: Display>(devices: Vec<Result<D, E>>) -> Opened 
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
-    let wanted = arguments.task.as_ref().map(|(name, _)| name.as_str());
+    let wanted = arguments.task.as_ref().and_then(|task| task.first()).map(String::as_str);
     let (mut contenders, missing) = contenders(wanted)?;
-    if let Some((name, case)) = &arguments.task {
+    if let Some([name, case]) = arguments.task.as_deref() {
         let contender = contenders.iter().find(|c| c.name == *name).with_context(|| format!("no tracer {name}"))?;
-        return print_case(&arguments.options, contender, case);
+        return print_case(&arguments.options(), contender, case);
     }
     missing.iter().for_each(|reason| note(format_args!("left out: {reason}")));
     contenders.retain(|c| arguments.only.as_ref().is_none_or(|word| c.name.contains(word.as_str())));
     let reports = contenders.iter().map(|c| examine(arguments, &c.name)).collect::<Result<Vec<_>, _>>()?;
-    let provenance = Provenance::now(arguments.options.seed, reports.iter().map(|report| report.name.clone()));
-    let tables = format!("{provenance}\n{}", tables(&arguments.options, &reports)?);
+    let provenance = Provenance::now(arguments.seed, reports.iter().map(|report| report.name.clone()));
+    let tables = format!("{provenance}\n{}", tables(&arguments.options(), &reports)?);
     match &arguments.markdown {
         Some(path) => replace(path, &tables)?,
         None => write!(Stdout, "{tables}")?,
     }
     if let Some(path) = &arguments.json {
-        let options = &arguments.options;
+        let options = arguments.options();
         let all = json!({
             "schema": 2, "provenance": provenance, "extent": options.extent.name(),
             "rays": options.rays, "builder": options.builder.to_string(), "tracers": reports,
@@ -212,11 +210,11 @@ fn examine(arguments: &Arguments, name: &str) -> Result<Report> {
 /// The lines of one case, or how its process ended instead.
 fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Line>, String>> {
     let mut command = Command::new(std::env::current_exe()?);
-    command.args(["--task", name, case]).args(["--seed", &arguments.options.seed.to_string()]);
-    if arguments.options.extent == Extent::Full {
+    command.args(["--task", name, case]).args(["--seed", &arguments.seed.to_string()]);
+    if arguments.full {
         command.arg("--full");
     }
-    if let Some(rays) = arguments.options.rays {
+    if let Some(rays) = arguments.rays {
         command.args(["--rays", &rays.to_string()]);
     }
     // What a crash has to say is short, and the lines of a case fit into any pipe's reader below.
@@ -231,9 +229,9 @@ fn apart(arguments: &Arguments, name: &str, case: &str) -> Result<Result<Vec<Lin
         if let Some(status) = child.try_wait()? {
             break status;
         }
-        if begin.elapsed() > arguments.limit {
+        if begin.elapsed() > Duration::from_secs(arguments.limit.into()) {
             child.kill().and_then(|()| child.wait())?;
-            return Ok(Err(format!("no end after {} s", arguments.limit.as_secs())));
+            return Ok(Err(format!("no end after {} s", arguments.limit)));
         }
         thread::sleep(Duration::from_millis(20));
     };

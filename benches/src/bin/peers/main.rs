@@ -1,7 +1,6 @@
 //! This project beside Embree and obvhs: the same rays, in one process, in turns.
 //!
-//! `cargo run --release -p rt-benches --bin peers -- SCENE... [--builder NAME] [--runs 9] [--size 1024x1024] [--threads 1,2]
-//! [--rays FILE.npy]`
+//! `cargo run --release -p rt-benches --bin peers -- --help`
 //!
 //! Scenes are `yard`, `car` or OBJ files. Their rays are those of a picture: camera rays, shadow rays and diffuse
 //! bounces; with `--rays` those of a file, as `raybalance trace` reads it, asked for nearest hits. Nobody says whether
@@ -16,6 +15,7 @@ mod contender;
 mod judge;
 mod page;
 
+use clap::Parser;
 use contender::{Contender, Run, Traced};
 use judge::Judge;
 use page::{Cell, Line, Who};
@@ -23,8 +23,10 @@ use rt_balance::stats::Summary;
 use rt_benches::{NamedStream, options};
 use rt_bvh::Builder;
 use rt_core::{Query, Ray, RaySource};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
-use rt_report::{Provenance, exit};
+use rt_report::usage::usage;
 use rt_scene::npy::RayFile;
 use rt_scene::prepare::Prepared;
 use std::error::Error;
@@ -33,12 +35,23 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::Arc;
 
+/// Trace the same rays as Embree and obvhs, in turns.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Options {
-    scenes: Vec<String>,
+    #[command(flatten)]
+    common: options::Options,
+    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    #[arg(long, value_name = "NAME", default_value_t = Builder::Sah)]
     builder: Builder,
-    runs: usize,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = options::size)]
     size: [u32; 2],
+    /// Numbers of threads, 1 among them: what is measured in processor time stands for this project
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_value = "1,2")]
     threads: Vec<usize>,
+    /// Rays to trace instead of a picture's, as `raybalance trace` reads them
+    #[arg(long, value_name = "FILE", conflicts_with = "size")]
     rays: Option<PathBuf>,
 }
 
@@ -47,11 +60,14 @@ fn main() -> ExitCode {
 }
 
 fn run_all() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
+    let options = Options::parse();
     write!(Stdout, "{}", Provenance::now(1, ["one thread"]))?;
     writeln!(Stdout, "* load of the machine at the start and the end: {}", load())?;
+    if options.threads.contains(&0) || !options.threads.contains(&1) {
+        return Err(usage("--threads: numbers from 1 on, 1 among them").into());
+    }
     let mut cells = Vec::new();
-    for name in &options.scenes {
+    for name in &options.common.scenes {
         bench(name, &options, &mut cells)?;
     }
     page::print(&cells)?;
@@ -80,7 +96,8 @@ fn bench(name: &str, options: &Options, cells: &mut Vec<Cell>) -> Result<(), Box
     writeln!(Stdout, "\n| rays | tracer | Mray/s, median | best | over Embree's best [95%] | missed /M | false /M |")?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|")?;
     for (kind, source, query) in streams(&prepared, options)? {
-        let lines = compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.runs)?;
+        let lines =
+            compare(kind, &explicit(&source), query, &mut contenders, &Judge::new(model), options.common.repeat)?;
         cells.push(Cell { scene: prepared.name.clone(), rays: kind, lines });
     }
     Ok(())
@@ -108,12 +125,12 @@ fn compare(
     query: Query,
     contenders: &mut [Contender],
     judge: &Judge,
-    runs: usize,
+    repeat: u32,
 ) -> Result<Vec<Line>, Box<dyn Error>> {
     let mut traced: Vec<Vec<Traced>> = Vec::new();
     let mut seconds = vec![Vec::new(); contenders.len()];
     // The first run warms caches up, and its answers are looked at.
-    for run in 0..=runs {
+    for run in 0..=repeat {
         for (contender, seconds) in contenders.iter_mut().zip(&mut seconds) {
             let Run { seconds: took, traced: found } = contender.run(rays, query, run == 0)?;
             if run == 0 {
@@ -159,30 +176,4 @@ fn compare(
         lines.push(line);
     }
     Ok(lines)
-}
-
-impl Options {
-    fn parse() -> Result<Self, Box<dyn Error>> {
-        let (mut builder, mut rays, mut threads) = (Builder::Sah, None, vec![1, 2]);
-        let shared = options::Options::parse([1024, 1024], |name, value| {
-            match name {
-                "--builder" => builder = value()?.parse()?,
-                "--threads" => threads = threads_of(&value()?)?,
-                "--rays" => rays = Some(PathBuf::from(value()?)),
-                _ => return Ok(false),
-            }
-            Ok(true)
-        })?;
-        let options::Options { scenes, runs, size } = shared;
-        Ok(Self { scenes, builder, runs, size, threads, rays })
-    }
-}
-
-/// Numbers of threads, one of them 1: what is measured in processor time stands for this project.
-fn threads_of(text: &str) -> Result<Vec<usize>, Box<dyn Error>> {
-    let threads: Vec<usize> = text.split(',').map(str::parse).collect::<Result<_, _>>()?;
-    if threads.contains(&0) || !threads.contains(&1) {
-        return Err(format!("--threads {text}: numbers from 1 on with commas between them, 1 among them").into());
-    }
-    Ok(threads)
 }

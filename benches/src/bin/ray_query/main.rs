@@ -1,7 +1,7 @@
 //! Compares our kernels with the driver's own ray tracing on one Vulkan device: Mray/s of the time in kernels, and the
 //! answers.
 //!
-//! `cargo run --release -p rt-benches --bin ray_query -- SCENE... [--device 0] [--runs 7] [--size 512x512]`
+//! `cargo run --release -p rt-benches --bin ray_query -- --help`
 //!
 //! The peer is the driver's acceleration structure, built for fast tracing, asked by `VK_KHR_ray_query` from a compute
 //! kernel with a lane for each ray: the hardware's way of a ray-tracing pipeline without its shader tables. Both read
@@ -12,14 +12,16 @@
 mod peer;
 
 use backend_vulkan::{GpuDevice, Options as Open, VulkanDevice};
+use clap::Parser;
 use peer::Peer;
 use rt_balance::clock;
 use rt_balance::stats::{Summary, median};
 use rt_benches::options;
 use rt_bvh::Builder;
 use rt_core::{Device, Hit, Launch, Query, RaySource, StreamSpec, Tracer, tasks_of};
+use rt_report::Provenance;
+use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
-use rt_report::{Provenance, exit};
 use rt_scene::prepare::Prepared;
 use std::error::Error;
 use std::io::Write;
@@ -30,10 +32,17 @@ use std::time::Duration;
 /// The longest a launch may take; a software rasteriser on a loaded machine is slow.
 const LIMIT: Duration = Duration::from_secs(300);
 
+/// Compare our kernels with the driver's own ray tracing on one Vulkan device.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 struct Options {
-    scenes: Vec<String>,
-    device: usize,
-    runs: usize,
+    #[command(flatten)]
+    common: options::Options,
+    /// The Vulkan device
+    #[arg(long, value_name = "DEVICE", default_value = "vulkan:0", value_parser = options::vulkan)]
+    devices: usize,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "512x512", value_parser = options::size)]
     size: [u32; 2],
 }
 
@@ -42,28 +51,28 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
+    let options = Options::parse();
     let device = VulkanDevice::enumerate(Open::from_env()?)?;
-    let device = device.into_iter().nth(options.device).ok_or("there is no such device")??;
-    let peer = Peer::open(options.device)?;
+    let device = device.into_iter().nth(options.devices).ok_or("there is no such device")??;
+    let peer = Peer::open(options.devices)?;
     writeln!(Stdout, "{}", Provenance::now(1, [device.info().name.clone(), peer.name.clone()]))?;
     writeln!(Stdout, "ours: {} ({})\npeer: ray queries on {}\n", device.info().name, device.card().driver, peer.name)?;
     if device.card().model != peer.model {
-        return Err("the two lists of devices differ: choose a --device that is the same card in both".into());
+        return Err("the two lists of devices differ: choose one of --devices that is the same card in both".into());
     }
     writeln!(
         Stdout,
-        "Mray/s of the time in kernels, medians of {} interleaved runs; ours over the peer's pair by pair with its 95% \
+        "Mray/s of the time in kernels, medians of {} interleaved repetitions; ours over the peer's pair by pair with its 95% \
          interval; rays per million with other answers (for any-hit rays: hit or not). Seconds to build the peer's \
          tree: on the device, upload included.\n",
-        options.runs
+        options.common.repeat
     )?;
     writeln!(
         Stdout,
         "| scene | rays | ours Mray/s | peer Mray/s | ours / peer | other answers ppm | ours built s | peer built s |"
     )?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|---|")?;
-    for name in &options.scenes {
+    for name in &options.common.scenes {
         let prepared = rt_benches::open(name, Builder::default())?;
         compare(&prepared, (&device, &peer), &options)?;
     }
@@ -84,7 +93,7 @@ fn compare(
         tracer.load_rays(source.clone(), StreamSpec { query, ..StreamSpec::default() })?;
         let (mut times, mut differing) = ([Vec::new(), Vec::new()], 0);
         // Once unmeasured: kernels are compiled when they are first wanted.
-        for run in 0..=options.runs {
+        for run in 0..=options.common.repeat {
             let ours = trace(&mut *tracer, &source)?;
             let theirs = peer.trace(&rays)?;
             if run > 0 {
@@ -124,19 +133,4 @@ fn trace(tracer: &mut dyn Tracer, source: &RaySource) -> Result<Launch, Box<dyn 
     let mut launch = Launch::default();
     tracer.wait(ticket, LIMIT, &mut launch)?;
     Ok(launch)
-}
-
-impl Options {
-    fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut device = 0;
-        let shared = options::Options::parse([512, 512], |name, value| {
-            match name {
-                "--device" => device = value()?.parse()?,
-                _ => return Ok(false),
-            }
-            Ok(true)
-        })?;
-        let options::Options { scenes, runs, size } = shared;
-        Ok(Self { scenes, runs, size, device })
-    }
 }

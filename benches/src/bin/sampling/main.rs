@@ -1,13 +1,12 @@
 //! Measures what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is: the
 //! table of docs/results/sampling.md.
 //!
-//! `cargo run --release -p rt-benches --bin sampling -- SCENE... [--device cpu:1|vulkan:0] [--kinds primary,diffuse]
-//! [--one-of 8,64,128] [--size 1024x1024] [--runs 7]`
+//! `cargo run --release -p rt-benches --bin sampling -- --help`
 //!
-//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each run traces all rays, walks the sample in each
-//! way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the runs.
-//! Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against exact counts,
-//! after one common scale, averaged over eight seeds.
+//! A scene is `yard`, `car` or an OBJ file; tasks are of 1,024 rays. Each repetition traces all rays, walks the sample
+//! in each way, and divides: the price is seconds of a sampled ray over seconds of a traced one, the median over the
+//! repetitions. Walks count exactly and keep hits; the trace is the one that renders. Errors are per task against
+//! exact counts, after one common scale, averaged over eight seeds.
 #![forbid(unsafe_code)]
 
 mod options;
@@ -15,7 +14,8 @@ mod ways;
 
 use backend_cpu::CpuDevice;
 use backend_vulkan::VulkanDevice;
-use options::Options;
+use clap::Parser;
+use options::{Device as Chosen, Options};
 use rt_balance::clock;
 use rt_balance::stats::median;
 use rt_bvh::{Builder, PlocQuality};
@@ -47,18 +47,24 @@ fn main() -> ExitCode {
 }
 
 fn run() -> Result<(), Box<dyn Error>> {
-    let options = Options::parse()?;
+    let options = Options::parse();
     writeln!(
         Stdout,
         "{}",
-        Provenance::now(1, [options.vulkan.map_or_else(|| "one thread".to_owned(), |place| format!("vulkan:{place}"))])
+        Provenance::now(
+            1,
+            [match options.devices {
+                Chosen::Processor => "one thread".to_owned(),
+                Chosen::Vulkan(place) => format!("vulkan:{place}"),
+            }]
+        )
     )?;
     writeln!(
         Stdout,
-        "Price of a sampled ray in traced ones, medians of {} interleaved runs; in brackets the whole sample in % of \
-         the trace. Before it, the prices of tracing all rays as single ones over the two-wide tree, of counting them \
-         all exactly, and of the paper's reduced walk of all. Error per task in %.\n",
-        options.runs
+        "Price of a sampled ray in traced ones, medians of {} interleaved repetitions; in brackets the whole sample in % \
+         of the trace. Before it, the prices of tracing all rays as single ones over the two-wide tree, of counting \
+         them all exactly, and of the paper's reduced walk of all. Error per task in %.\n",
+        options.common.repeat
     )?;
     write!(Stdout, "| scene | rays | traced Mray/s | as single rays | counted | reduced | sampled |")?;
     Way::ALL.iter().try_for_each(|(_, name)| write!(Stdout, " {name} |"))?;
@@ -67,18 +73,18 @@ fn run() -> Result<(), Box<dyn Error>> {
         " error scattered | error whole packets |\n|---|---|---|---|---|---|---|{}---|---|",
         "---|".repeat(Way::ALL.len())
     )?;
-    for name in &options.scenes {
+    for name in &options.common.scenes {
         let prepared = rt_benches::open(name, Builder::Ploc(PlocQuality::Medium))?;
         let scene = Arc::clone(&prepared.built.scene);
         let mut subject = Subject {
             tracer: open(&options, &scene)?,
             scene: Arc::clone(&scene),
-            is_processor: options.vulkan.is_none(),
+            is_processor: options.devices == Chosen::Processor,
         };
         for (stream, source, _) in rt_benches::streams(&prepared, options.size)? {
             if let Some(&kind) = options.kinds.iter().find(|kind| kind.to_string().starts_with(stream)) {
                 for &fraction in &options.fractions {
-                    row(&prepared.name, &mut subject, kind, &source, fraction, options.runs)?;
+                    row(&prepared.name, &mut subject, kind, &source, fraction, options.common.repeat)?;
                 }
             }
         }
@@ -89,7 +95,7 @@ fn run() -> Result<(), Box<dyn Error>> {
 /// The scene on the device.
 fn open(options: &Options, scene: &Arc<Scene>) -> Result<Box<dyn Tracer>, Box<dyn Error>> {
     let scene = Arc::clone(scene);
-    if let Some(place) = options.vulkan {
+    if let Chosen::Vulkan(place) = options.devices {
         let found = VulkanDevice::enumerate(backend_vulkan::Options::default())?;
         let device = found.into_iter().nth(place).ok_or_else(|| format!("there is no vulkan:{place}"))??;
         return Ok(device.tracer(scene, clock)?);
@@ -105,18 +111,18 @@ fn row(
     kind: StreamKind,
     source: &RaySource,
     fraction: Fraction,
-    runs: usize,
+    repeat: u32,
 ) -> Result<(), Box<dyn Error>> {
     let tasks = tasks_of(source.len(), TASK);
     subject.tracer.load_rays(source.clone(), StreamSpec::default())?;
     let exact = exact(&mut *subject.tracer, source.len())?;
-    let (mut traced, mut alone) = (Vec::with_capacity(runs), Vec::with_capacity(runs));
+    let (mut traced, mut alone) = (Vec::new(), Vec::new());
     let every: Vec<u32> = (0..source.len()).collect();
     let walks = [Walk::Full, Walk::Reduced(ReducedWalk::LeafAsHit)];
-    let mut of_all = walks.map(|_| Vec::with_capacity(runs));
+    let mut of_all = walks.map(|_| Vec::new());
     let mut prices = [const { Vec::new() }; Way::ALL.len()];
-    // The first run fills caches and is not counted.
-    for run in 0..=runs as u32 {
+    // The first repetition fills caches and is not counted.
+    for run in 0..=repeat {
         let sample = Sample::new(source, kind, &tasks, fraction, run);
         let full = subject.trace(&tasks, None)? / f64::from(source.len());
         for (prices, (way, _)) in prices.iter_mut().zip(Way::ALL) {

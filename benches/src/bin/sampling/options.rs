@@ -1,72 +1,48 @@
 //! The command line.
 
+use clap::Parser;
+use rt_benches::options::{self, fraction, kind, size};
 use rt_core::StreamKind;
+use rt_report::exit::Exit;
 use rt_sched::sample::Fraction;
-use std::error::Error;
 
-#[derive(Debug)]
+/// Measure what a sampled ray costs in units of a traced one, by how the sample is walked, and how wrong it is.
+#[derive(Debug, Parser)]
+#[command(after_help = Exit::HELP)]
 pub(crate) struct Options {
-    pub(crate) scenes: Vec<String>,
+    #[command(flatten)]
+    pub(crate) common: options::Options,
+    /// The device: one thread of the processor, or a Vulkan device, such as vulkan:0
+    #[arg(long, value_name = "DEVICE", default_value = "cpu:1", value_parser = device)]
+    pub(crate) devices: Device,
+    /// Kinds of rays: primary, diffuse
+    #[arg(long, value_name = "KIND,...", value_delimiter = ',', default_value = "primary,diffuse", value_parser = kind)]
     pub(crate) kinds: Vec<StreamKind>,
+    /// Shares of the rays that are sampled
+    #[arg(long, value_name = "F,...", value_delimiter = ',', default_value = "1/8,1/64,1/128")]
+    #[arg(value_parser = part)]
     pub(crate) fractions: Vec<Fraction>,
+    /// Size of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1024x1024", value_parser = size)]
     pub(crate) size: [u32; 2],
-    pub(crate) runs: usize,
-    /// The Vulkan device in place of the processor, by its place in the system's list.
-    pub(crate) vulkan: Option<usize>,
 }
 
-impl Options {
-    pub(crate) fn parse() -> Result<Self, Box<dyn Error>> {
-        let mut options = Self {
-            scenes: Vec::new(),
-            kinds: vec![StreamKind::Primary, StreamKind::Diffuse(0)],
-            fractions: ["8", "64", "128"].into_iter().map(fraction).collect::<Result<_, _>>()?,
-            size: [1024, 1024],
-            runs: 7,
-            vulkan: None,
-        };
-        let mut arguments = std::env::args().skip(1);
-        while let Some(argument) = arguments.next() {
-            let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value"));
-            match argument.as_str() {
-                "--kinds" => options.kinds = value()?.split(',').map(kind).collect::<Result<_, _>>()?,
-                "--one-of" => options.fractions = value()?.split(',').map(fraction).collect::<Result<_, _>>()?,
-                "--size" => {
-                    let text = value()?;
-                    let (width, height) = text.split_once('x').ok_or("--size WIDTHxHEIGHT")?;
-                    options.size = [width.parse()?, height.parse()?];
-                }
-                "--runs" => options.runs = value()?.parse::<usize>()?.max(1),
-                "--device" => options.vulkan = device(&value()?)?,
-                scene if !scene.starts_with('-') => options.scenes.push(scene.to_owned()),
-                other => return Err(format!("unknown option {other}").into()),
-            }
-        }
-        if options.scenes.is_empty() {
-            options.scenes = vec!["yard".to_owned(), "car".to_owned()];
-        }
-        Ok(options)
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Device {
+    /// One thread of the processor.
+    Processor,
+    /// The Vulkan device at a place of the system's list.
+    Vulkan(usize),
+}
+
+fn device(text: &str) -> Result<Device, String> {
+    match text.trim() {
+        "cpu:1" => Ok(Device::Processor),
+        other => options::vulkan(other).map(Device::Vulkan).map_err(|wrong| format!("{wrong}, nor cpu:1")),
     }
 }
 
-fn kind(name: &str) -> Result<StreamKind, String> {
-    match name {
-        "primary" => Ok(StreamKind::Primary),
-        "diffuse" => Ok(StreamKind::Diffuse(0)),
-        other => Err(format!("--kinds {other}: primary or diffuse")),
-    }
-}
-
-/// A fraction by its denominator.
-fn fraction(denominator: &str) -> Result<Fraction, String> {
-    let fraction = denominator.parse().ok().and_then(|n: f64| Fraction::new(1.0 / n));
-    fraction.ok_or_else(|| format!("--one-of {denominator}: numbers from 1 to 4096"))
-}
-
-fn device(name: &str) -> Result<Option<usize>, String> {
-    match name.split_once(':') {
-        Some(("cpu", "1")) => Ok(None),
-        Some(("vulkan", place)) if place.parse::<usize>().is_ok() => Ok(place.parse().ok()),
-        _ => Err(format!("--device {name}: cpu:1, or vulkan:0 and so on")),
-    }
+fn part(text: &str) -> Result<Fraction, String> {
+    Fraction::new(fraction(text)?).ok_or_else(|| "must be from 1/4096 to 1".to_owned())
 }

@@ -35,7 +35,7 @@ pub(crate) struct BalanceArgs {
     #[command(flatten)]
     pub(crate) estimate: EstimateArgs,
     /// Print why each stream's estimate was made as it was, with the numbers that decided
-    #[arg(long)]
+    #[arg(long, conflicts_with = "json")]
     pub(crate) explain: bool,
     /// How tasks are dealt to devices, or ordered (central queue)
     #[arg(long, value_parser = named(POLICIES), value_name = "NAME")]

@@ -7,6 +7,7 @@ use rt_balance::Device;
 use rt_balance::cpu::Isa;
 use rt_balance::devices::{self, CardOptions, Opener};
 use rt_balance::vulkan::{Layout, Layouts, Tuning};
+use rt_report::usage::usage;
 use std::sync::Arc;
 
 /// Choices about devices, none of which changes a nearest hit.
@@ -38,6 +39,29 @@ pub(crate) enum LayoutArg {
 }
 
 impl DeviceArgs {
+    /// Refuses what none of the devices of a list would heed.
+    ///
+    /// # Errors
+    /// When an option is about processors or graphics cards alone, and the list names none.
+    pub(crate) fn check(self, list: Option<&str>) -> Result<()> {
+        let list = list.unwrap_or(devices::AUTO);
+        let refuse = |option, what, example| {
+            let message = format!("{option} is about {what}, and --devices {list} names none, such as {example}");
+            Err(usage(message).into())
+        };
+        if self.isa.is_some() && !devices::names_cpu(list) {
+            return refuse("--isa", "processors", "cpu:1");
+        }
+        for (option, is_given) in
+            [("--layout", self.layout != LayoutArg::Auto), ("--persistent", self.persistent.is_some())]
+        {
+            if is_given && !devices::names_card(list) {
+                return refuse(option, "graphics cards", "vulkan:0");
+            }
+        }
+        Ok(())
+    }
+
     /// Those about graphics cards.
     pub(crate) fn cards(self) -> CardOptions {
         let layouts = match self.layout {

@@ -64,7 +64,7 @@ pub(crate) struct RenderArgs {
     /// Measure every task by itself in separate passes, so that excess and estimation errors are known
     #[arg(long, help_heading = heading::EXPERIMENT)]
     pub(crate) reference: bool,
-    /// Folder for image.png, cost.png, timeline.svg, trace.json, report.json and report.html
+    /// Folder for image.png, cost.png, timeline.svg, trace.json, tasks.csv, report.json and report.html
     #[arg(long, help_heading = heading::OUTPUT, default_value = "out", value_name = "DIR")]
     pub(crate) out: PathBuf,
     /// Folder that keeps what is finished, so that the same command goes on where it was stopped or killed, with any

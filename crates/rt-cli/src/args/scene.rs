@@ -12,6 +12,9 @@ pub(crate) struct SceneArgs {
     /// Leave out faces that are malformed, or that use a vertex which is, instead of refusing the file
     #[arg(long)]
     pub(crate) drop_invalid: bool,
+    /// Put a floor under the scene, on which it casts a soft shadow
+    #[arg(long)]
+    pub(crate) floor: bool,
     /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
     #[arg(long, default_value_t, value_name = "NAME")]
     pub(crate) builder: Builder,

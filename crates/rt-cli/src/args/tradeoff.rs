@@ -37,15 +37,14 @@ pub(crate) struct TradeArgs {
     pub(crate) source: SceneArgs,
     /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics
     /// card]
-    #[arg(long, help_heading = heading::DEVICES, visible_aliases = ["device", "backend"], value_name = "LIST",
-          value_parser = parse_devices)]
+    #[arg(long, help_heading = heading::DEVICES, value_name = "LIST", value_parser = parse_devices)]
     pub(crate) devices: Option<String>,
     /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget
     /// demands it]
     #[arg(long, help_heading = heading::EXPERIMENT, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,
     /// Interleaved repetitions, at least 6 for intervals of 95% [default: 9; 2 with --quick]
-    #[arg(long, help_heading = heading::EXPERIMENT, visible_alias = "runs", value_name = "N",
+    #[arg(long, help_heading = heading::EXPERIMENT, value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) repeat: Option<u32>,
     /// Seconds that it may take: a repetition that would end later is not begun, but one is always measured [default of
@@ -68,17 +67,16 @@ pub(crate) struct PrecisionTradeoffArgs {
     /// yard, car, or files (OBJ, PLY, STL, glTF) [default: yard car]
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
-    #[arg(long, help_heading = heading::DEVICES, visible_aliases = ["devices", "device"], value_name = "LIST",
-          default_value = "cpu",
+    #[arg(long, help_heading = heading::DEVICES, value_name = "LIST", default_value = "cpu",
           value_parser = parse_devices)]
-    pub(crate) backend: String,
-    /// Fewer rays and runs: a look, not a measurement
+    pub(crate) devices: String,
+    /// Fewer rays and repetitions: a look, not a measurement
     #[arg(long, help_heading = heading::EXPERIMENT)]
     pub(crate) quick: bool,
-    /// Runs of each precision, all in turn [default: 30; 6 with --quick]
-    #[arg(long, help_heading = heading::EXPERIMENT, visible_alias = "repeat",
-          value_parser = clap::value_parser!(u32).range(1..=10_000), value_name = "N")]
-    pub(crate) runs: Option<u32>,
+    /// Repetitions of each precision, all in turn [default: 30; 6 with --quick]
+    #[arg(long, help_heading = heading::EXPERIMENT, value_parser = clap::value_parser!(u32).range(1..=10_000),
+          value_name = "N")]
+    pub(crate) repeat: Option<u32>,
     /// Size of the picture whose rays are traced, in pixels [default: 960x600; 320x200 with --quick]
     #[arg(long, help_heading = heading::EXPERIMENT, value_parser = parse_size, value_name = "WxH")]
     pub(crate) size: Option<[u32; 2]>,

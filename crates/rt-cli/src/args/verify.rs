@@ -14,7 +14,7 @@ pub(crate) struct VerifyArgs {
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to verify, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, value_name = "LIST", default_value = "cpu", value_parser = parse_devices)]
-    pub(crate) backend: String,
+    pub(crate) devices: String,
     /// Try these cases only, named as the report names them, such as watertight [default: all]
     #[arg(long = "case", value_name = "NAME", value_delimiter = ',',
           value_parser = clap::builder::PossibleValuesParser::new(rt_verify::Suite::case_names()))]

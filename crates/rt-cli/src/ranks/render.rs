@@ -3,7 +3,7 @@
 use super::{Ranks, explained, print, warn};
 use crate::args::RenderArgs;
 use crate::memory::{self, BYTES_PER_PATH, Room};
-use crate::render::{self, Pictures, Stage};
+use crate::render::{self, Stage};
 use crate::report::{CameraReport, Report, SCHEMA};
 use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
@@ -11,6 +11,7 @@ use rt_cluster::{Checkpoint, Deal, Finished, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
 use rt_render::{Film, Session, Traced};
 use rt_report::headline::Headline;
+use rt_report::pictures::Pictures;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
 use rt_report::{Provenance, terminal};
@@ -43,7 +44,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
     let scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
-    let mut pictures = Pictures::new(args);
+    let mut pictures = Pictures::new(&args.out, args.frames);
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
@@ -86,20 +87,21 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         if let Some(report) = dealt.report {
             warn(&report);
             seconds.trace += report.makespan_s;
-            pictures.write(&film, frame, args.spp)?;
+            render::write(&mut pictures, &film, frame, args.spp)?;
             reports.push(report);
         }
     }
     drop(transport);
     interrupt::check()?;
     if is_first {
+        pictures.write_sheet()?;
         seconds.write += pictures.seconds;
         seconds.total = start.elapsed().as_secs_f64();
         let Session { scheduling, .. } = session;
         let report = Report {
             schema: SCHEMA,
             provenance: Provenance::now(args.balance.seed, render::names(&devices)),
-            picture: Some(pictures.report(args, CameraReport::of(&first, described.offset.into()))),
+            picture: Some(render::picture_report(args, &pictures, CameraReport::of(&first, described.offset.into()))),
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),

@@ -14,7 +14,7 @@ f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8
 ";
 
 /// What every command here measures, short of the trade's name.
-const SMALL: [&str; 7] = ["cube.obj", "--quick", "--size", "32x24", "--runs", "2", "--devices"];
+const SMALL: [&str; 7] = ["cube.obj", "--quick", "--size", "32x24", "--repeat", "2", "--devices"];
 
 /// Runs a trade of the cube on a device, in a folder of its own.
 fn trade(folder: &Path, name: &str, device: &str) -> Result<Output, Failed> {

@@ -20,10 +20,12 @@ const PRINTING: &[&str] = &[
     "trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:1",
     "trace scene.obj --rays rays.npy --hits hits.npy --devices cpu:1 --json",
     "trace scene.obj --rays rays.npy --hits /dev/stdout --devices cpu:1",
-    "verify scene.obj --case ties --rays 100 --backend cpu:1",
-    "verify scene.obj --case ties --rays 100 --backend cpu:1 --json",
+    "verify scene.obj --case ties --rays 100 --devices cpu:1",
+    "verify scene.obj --case ties --rays 100 --devices cpu:1 --json",
     "bench scene.obj --quick --devices cpu:1 --rays 64 --repeat 1",
     "bench scene.obj --quick --devices cpu:1 --json",
+    "compare scene.obj --quick --size 16x16 --repeat 1 --estimator uniform --devices cpu:1",
+    "compare scene.obj --quick --size 16x16 --repeat 1 --estimator uniform --devices cpu:1 --json",
     "figure1 scene.obj --quick --size 16x16 --repeat 1 --task-sizes 64 --devices cpu:1",
     "tradeoff build scene.obj --quick --size 16x16 --repeat 1 --devices cpu:1",
 ];
@@ -123,9 +125,12 @@ fn materials_of_a_scene_are_not_overwritten() {
     }
     fs::write(folder.at("scene.obj"), format!("mtllib report.html\n{scene}")).unwrap();
     fs::write(folder.at("report.html"), "newmtl red\n").unwrap();
-    for words in
-        ["figure1 scene.obj --quick --devices cpu:1", "tradeoff precision scene.obj", "tradeoff build scene.obj"]
-    {
+    for words in [
+        "compare scene.obj --quick --devices cpu:1",
+        "figure1 scene.obj --quick --devices cpu:1",
+        "tradeoff precision scene.obj",
+        "tradeoff build scene.obj",
+    ] {
         let ended = folder.run(&format!("{words} --out ."));
         assert!(ended.code == Some(2) && ended.err.contains("would overwrite the materials"), "{words}: {ended:?}");
     }
@@ -156,16 +161,17 @@ fn every_file_says_where_it_comes_from() {
     for words in [
         "render cube.obj --size 16x16 --spp 1 --seed 77 --devices cpu:1 --out a".to_owned(),
         format!("figure1 cube.obj {small} --repeat 1 --task-sizes 64 --out b"),
-        format!("tradeoff build cube.obj {small} --runs 1 --out c"),
-        format!("tradeoff sampling cube.obj {small} --runs 1 --out d"),
-        "tradeoff precision cube.obj --quick --size 16x16 --seed 77 --runs 1 --backend cpu:1 --out e".to_owned(),
+        format!("compare cube.obj {small} --repeat 1 --estimator uniform --out g"),
+        format!("tradeoff build cube.obj {small} --repeat 1 --out c"),
+        format!("tradeoff sampling cube.obj {small} --repeat 1 --out d"),
+        "tradeoff precision cube.obj --quick --size 16x16 --seed 77 --repeat 1 --devices cpu:1 --out e".to_owned(),
         "bench cube.obj --seed 77 --devices cpu:1 --rays 64 --repeat 1 --out f/bench.json".to_owned(),
     ] {
         let ended = folder.run(&words);
         assert_eq!(ended.code, Some(0), "{words}: {ended:?}");
     }
     let mut seen = 0;
-    for out in ["a", "b", "c", "d", "e", "f"] {
+    for out in ["a", "b", "c", "d", "e", "f", "g"] {
         for entry in fs::read_dir(folder.at(out)).unwrap() {
             let path = entry.unwrap().path();
             // Pictures have none: they are the same whenever and wherever they are made.
@@ -187,7 +193,7 @@ fn every_file_says_where_it_comes_from() {
             seen += 1;
         }
     }
-    assert_eq!(seen, 4 + 4 + 5 + 5 + 5 + 1);
+    assert_eq!(seen, 5 + 4 + 5 + 5 + 5 + 1 + 5);
 }
 
 #[test]

@@ -69,9 +69,10 @@ const LONG: &[&str] = &[
     "render large.obj --size 8000x8000 --spp 64 --devices cpu:1 --out out",
     "trace large.obj --rays large.npy --hits hits.npy --devices cpu:1@0.001",
     "verify --full",
+    "compare large.obj --repeat 1000 --devices cpu:1,cpu:1",
     "figure1 large.obj yard --repeat 1000 --devices cpu:1",
     "tradeoff yard car --repeat 1000 --budget 100000",
-    "tradeoff precision yard --runs 10000",
+    "tradeoff precision yard --repeat 10000",
     "bench yard large.obj --devices cpu --repeat 10000",
     // Asleep in a device that is slowed down.
     "render yard --size 960x600 --spp 16 --devices cpu:1@0.001 --queue static --out out",

@@ -7,7 +7,7 @@ use anyhow::Result;
 use rt_report::chart::figure1::{self, Bar, Figure, Group};
 use rt_report::html::Page;
 use rt_report::output::write_atomically;
-use rt_report::table::{self, Table, grouped};
+use rt_report::table::{self, Table, grouped, quoted};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -193,11 +193,10 @@ fn csv(results: &Results) -> String {
                 for (round, ((seed, total), estimate)) in (1..).zip(rows) {
                     let Panel { scene, stream, rays, .. } = panel;
                     let (task_rays, tasks, name) = (size.task_rays, size.tasks, config.name);
-                    // Quoted where a name may hold a comma; a quote is doubled (RFC 4180).
-                    let scene = scene.replace('"', "\"\"");
+                    let scene = quoted(scene);
                     let _ = writeln!(
                         text,
-                        "\"{scene}\",{stream},{rays},{task_rays},{tasks},{round},{seed},\"{name}\",{total:e},{estimate:e}"
+                        "{scene},{stream},{rays},{task_rays},{tasks},{round},{seed},\"{name}\",{total:e},{estimate:e}"
                     );
                 }
             }

@@ -22,7 +22,7 @@ pub(super) fn all(lab: Lab<'_>, out: &Path, results: &Results) -> Result<()> {
         let kinds: Vec<String> = results.machines[0].streams.iter().map(|stream| stream.kind.clone()).collect();
         let _ = writeln!(
             text,
-            "Streams one after the other: {}. What devices share (memory, power) is not simulated.\n\n{}",
+            "Streams one after the other: {}.\nWhat devices share (memory, power) is not simulated.\n\n{}",
             kinds.join(", "),
             machines(&results.machines)
         );

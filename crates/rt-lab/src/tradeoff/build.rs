@@ -13,7 +13,7 @@ use rt_bvh::{BuildOptions, Builder, Mesh, TreeStats};
 use rt_core::Hit;
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
-use rt_report::table::{Table, seconds};
+use rt_report::table::{Table, quoted, seconds};
 use serde::Serialize;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -177,12 +177,12 @@ fn table(rows: &[Row]) -> Table {
 }
 
 fn csv(setting: &Setting<'_>, rows: &[Row]) -> String {
-    let mut text = setting.csv_head() + "scene,builder,round,build_s,primary_mrays,diffuse_mrays\n";
+    let mut text = setting.csv_head() + "scene,builder,round,build_s,primary_mray_s,diffuse_mray_s\n";
     for row in rows {
         for (round, build) in row.build_s.iter().enumerate() {
             let [primary, diffuse] = row.mrays.each_ref().map(|mrays| mrays.get(round).copied().unwrap_or(f64::NAN));
-            let (scene, round) = (row.scene.replace('"', "\"\""), round + 1);
-            let _ = writeln!(text, "\"{scene}\",{},{round},{build:e},{primary:e},{diffuse:e}", row.builder);
+            let (scene, round) = (quoted(&row.scene), round + 1);
+            let _ = writeln!(text, "{scene},{},{round},{build:e},{primary:e},{diffuse:e}", row.builder);
         }
     }
     text

@@ -58,6 +58,8 @@ const LEGEND: f64 = 22.0;
 const ABOVE: f64 = 56.0;
 const RIGHT: f64 = 19.0;
 const BELOW: f64 = 54.0;
+/// What stands in the legend for settings without a line.
+const OTHER_SETTINGS: &str = "other settings (in the table)";
 /// Least room between labels of lines across.
 const APART: f64 = 14.0;
 
@@ -70,7 +72,9 @@ pub fn to_svg(chart: &Chart) -> Result<String, ReportError> {
         return Err(ReportError::Nothing("a chart without panels"));
     }
     let names = names(chart);
-    let places = legend_places(&names);
+    let any_others = chart.panels.iter().any(|panel| panel.series.len() > MOST_LINES);
+    let entries: Vec<&str> = names.iter().copied().chain(any_others.then_some(OTHER_SETTINGS)).collect();
+    let places = legend_places(&entries);
     let legend_rows = places.last().map_or(0.0, |place| place.1 + 1.0);
     let top = 54.0 + LEGEND * legend_rows + 10.0;
     let columns = chart.columns.clamp(3, 4);
@@ -80,10 +84,15 @@ pub fn to_svg(chart: &Chart) -> Result<String, ReportError> {
     let rows = chart.panels.len().div_ceil(columns);
     let mut sheet = Sheet::new(WIDTH, top + rows as f64 * height);
     sheet.text(chart.title.as_str(), (MARGIN, 30.0), Look::title());
-    for (index, (name, (x, row))) in names.iter().zip(places).enumerate() {
+    for (index, (name, (x, row))) in names.iter().zip(&places).enumerate() {
         let y = 58.0 + LEGEND * row;
         sheet.dot((x + 5.0, y), 4.5, COLOURS[index % COLOURS.len()]);
         sheet.text(*name, (x + 16.0, y), Look { size: 12.5, ..Look::default() });
+    }
+    if let Some((x, row)) = places.get(names.len()) {
+        let y = 58.0 + LEGEND * row;
+        sheet.dot((x + 5.0, y), 2.5, OTHERS);
+        sheet.text(OTHER_SETTINGS, (x + 16.0, y), Look { size: 12.5, ..Look::default() });
     }
     for (index, panel) in chart.panels.iter().enumerate() {
         let left = MARGIN + (index % columns) as f64 * (width + GUTTER);
@@ -92,10 +101,11 @@ pub fn to_svg(chart: &Chart) -> Result<String, ReportError> {
     Ok(sheet.to_svg())
 }
 
-/// Names of all series, in the order in which they first appear.
+/// Names of the series that are drawn as lines, in the order in which they first appear.
 fn names(chart: &Chart) -> Vec<&str> {
     let mut names: Vec<&str> = Vec::new();
-    for series in chart.panels.iter().flat_map(|panel| &panel.series) {
+    for series in chart.panels.iter().flat_map(|panel| panel.lined().into_iter().map(move |index| &panel.series[index]))
+    {
         if !names.contains(&series.name.as_str()) {
             names.push(&series.name);
         }
@@ -135,7 +145,25 @@ fn is_shown(point: &[f64; 2]) -> bool {
     point.iter().all(|v| *v > 0.0 && v.is_finite())
 }
 
+/// Most lines of a panel: more cannot be followed. Of the others the points are shown, in one grey.
+const MOST_LINES: usize = 5;
+
+/// Points of settings that have no line.
+pub(crate) const OTHERS: Rgb = [0xb4; 3];
+
 impl Panel {
+    /// The series that are drawn as lines: those with most points on the front, else the first ones.
+    fn lined(&self) -> Vec<usize> {
+        let points: Vec<[f64; 2]> = self.series.iter().flat_map(Series::usable).collect();
+        let best = self.front.map_or_else(Vec::new, |more| front(&points, more));
+        let on_front = |index: &usize| self.series[*index].usable().filter(|point| best.contains(point)).count();
+        let mut order: Vec<usize> = (0..self.series.len()).collect();
+        order.sort_by_key(|index| std::cmp::Reverse(on_front(index)));
+        order.truncate(MOST_LINES);
+        order.sort_unstable();
+        order
+    }
+
     /// Draws the panel, whose axes are `side` pixels long.
     fn draw(&self, sheet: &mut Sheet, (left, top): Place, side: f64, names: &[&str]) {
         sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
@@ -162,7 +190,16 @@ impl Panel {
             sheet.line([(from, height), (from + side, height)], 1.0, FAINT);
             sheet.text(name.as_str(), (from + side, label), Look::axis(Align::Right));
         }
-        for series in &self.series {
+        let lined = self.lined();
+        // Those without a line first, so that they hide none.
+        let order = self.series.iter().enumerate().filter(|(index, _)| !lined.contains(index));
+        for (_, series) in order {
+            for point in series.usable() {
+                sheet.dot(place(&x, &y, point), 2.5, OTHERS);
+            }
+        }
+        let mut ends = Vec::new();
+        for series in lined.iter().map(|&index| &self.series[index]) {
             let index = names.iter().position(|name| *name == series.name).unwrap_or(0);
             let color = COLOURS[index % COLOURS.len()];
             for bar in series.bars() {
@@ -172,7 +209,14 @@ impl Panel {
             for &place in &places {
                 sheet.dot(place, 4.0, color);
             }
+            ends.extend(places.last().map(|&end| (end, &series.name)));
             sheet.line(places, 1.2, color);
+        }
+        let heights = label_heights(ends.iter().map(|((_, height), _)| *height));
+        for (((px, _), name), height) in ends.into_iter().zip(heights) {
+            // On the side where there is room.
+            let (align, shift) = if px > from + side / 2.0 { (Align::Right, -8.0) } else { (Align::Left, 8.0) };
+            sheet.text(name.as_str(), (px + shift, height), Look { size: 12.0, align, ..Look::default() });
         }
         if let Some((point, name)) = &self.reference {
             let (px, py) = place(&x, &y, *point);
@@ -186,7 +230,7 @@ impl Panel {
     }
 }
 
-/// Where the labels of lines across stand: above their lines, and so far apart that they can be read.
+/// Where labels stand, those of lines across and of ends of lines: above them, and so far apart that they can be read.
 fn label_heights(lines: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut lowest_first: Vec<(usize, f64)> = lines.map(|line| line - 8.0).enumerate().collect();
     lowest_first.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -263,7 +307,14 @@ mod tests {
         let empty = Panel { series: Vec::new(), reference: None, ..panel.clone() };
         let chart = Chart { title: String::new(), panels: vec![panel, empty], columns: 3 };
         let svg = to_svg(&chart).unwrap();
-        assert_eq!(svg.matches("<circle").count(), 24, "a dot for each series, and its entry in the legend");
+        assert_eq!(
+            svg.matches("<circle").count(),
+            12 + 5 + 1,
+            "a dot for each series, the legend, and the others' entry"
+        );
+        // Only lines have labels, beside those of the legend.
+        assert_eq!(svg.matches(">a rather long name of series 4<").count(), 2);
+        assert!(!svg.contains("series 5<") && svg.contains("other settings"), "{svg}");
         assert!(svg.contains("paper") && svg.contains("a level") && !svg.contains("no level"));
         assert!(svg.contains("nothing to show"));
         // Axis ticks reach what bars reach. Fails when only the points make the axis.

@@ -9,6 +9,7 @@
 //! | `sampling-*.svg`, `build-*.svg` | [`front::to_svg`] | what one quantity costs in another |
 //! | `report.html` (part) | [`scatter::to_svg`] | estimated against measured time, task by task |
 //! | `precision.svg` | [`precision::to_svg`]   | speed against wrong answers, a panel per scene and device |
+//! | `compare.svg` | [`intervals::to_svg`]     | how long several ways take, relative to one, with intervals |
 
 mod axes;
 mod bars;
@@ -16,6 +17,7 @@ mod canvas;
 pub mod cost;
 pub mod figure1;
 pub mod front;
+pub mod intervals;
 pub mod precision;
 #[cfg(test)]
 pub(crate) mod samples;
@@ -30,7 +32,8 @@ pub(crate) use scale::duration;
 
 /// Every grey that a chart uses: what a page in the dark must turn over.
 #[cfg(test)]
-pub(crate) const GREYS: [[u8; 3]; 8] = [
+pub(crate) const GREYS: [[u8; 3]; 9] = [
+    front::OTHERS,
     precision::COLUMN,
     sheet::PAPER,
     sheet::INK,

@@ -100,6 +100,21 @@ impl Page {
         Ok(())
     }
 
+    /// Adds a list of files that lie beside the page, each with what it holds.
+    pub fn files(&mut self, files: &[(&str, &str)]) {
+        self.body.push_str("<ul>");
+        for (name, what) in files {
+            let (name, what) = (escaped(name), escaped(what));
+            let _ = write!(self.body, "<li><a href=\"{name}\">{name}</a>: {what}</li>");
+        }
+        self.body.push_str("</ul>\n");
+    }
+
+    /// Adds text as one types it.
+    pub fn code(&mut self, text: &str) {
+        let _ = writeln!(self.body, "<p><code>{}</code></p>", escaped(text));
+    }
+
     /// Adds a table.
     pub fn table(&mut self, caption: &str, table: &Table) {
         let _ = write!(

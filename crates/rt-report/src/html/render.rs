@@ -3,7 +3,7 @@
 use super::{Page, measured};
 use crate::ReportError;
 use crate::chart::cost::CostMap;
-use crate::report::Report;
+use crate::report::{PictureReport, Report};
 use rt_balance::report::StreamRun;
 use std::path::Path;
 
@@ -16,8 +16,10 @@ pub struct Rendered<'a> {
     pub runs: &'a [StreamRun],
     /// What the first frame's rays cost, kind by kind.
     pub maps: &'a [CostMap],
-    /// The picture's file: the first frame's.
+    /// The picture's file; of an animation the contact sheet's.
     pub picture: &'a Path,
+    /// What else lies beside the page, and what it is.
+    pub files: &'a [(&'a str, &'a str)],
 }
 
 impl Rendered<'_> {
@@ -40,10 +42,32 @@ impl Rendered<'_> {
         page.picture(self.picture, &format!("{} rendered{told}", scene.source))?;
         measured::add_costs(&mut page, self.maps);
         measured::add_to(&mut page, self.report, self.runs)?;
-        page.paragraph(
-            "Beside this page: cost.png shows the cost of every pixel, trace.json has the timeline to zoom into, and \
-             report.json has all numbers.",
-        );
+        if let Some(picture) = &self.report.picture {
+            describe(&mut page, picture);
+        }
+        page.section("Files beside this page");
+        page.files(self.files);
         page.write(path)
     }
+}
+
+/// How the picture was made, so that it can be made again.
+fn describe(page: &mut Page, picture: &PictureReport) {
+    let PictureReport {
+        size: [width, height],
+        samples,
+        samples_asked,
+        bounces,
+        frames,
+        degrees_per_frame,
+        seed,
+        camera,
+    } = picture;
+    let of = if samples < samples_asked { format!(" of {samples_asked}") } else { String::new() };
+    let turn = if *frames > 1 { format!("; {frames} frames, {degrees_per_frame}° apart") } else { String::new() };
+    page.paragraph(&format!(
+        "{width} × {height} pixels, {samples}{of} samples of each, diffuse bounces: {bounces}, seed {seed}{turn}. The \
+         camera, in the coordinates of the file:"
+    ));
+    page.code(&camera.to_string());
 }

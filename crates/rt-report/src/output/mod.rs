@@ -60,6 +60,16 @@ fn write_to(out: impl Write, write: impl FnOnce(&mut dyn Write) -> io::Result<()
     buffer.flush()
 }
 
+/// Names in a folder for which `is` holds, in order; none where it cannot be read.
+#[must_use]
+pub fn names(folder: &Path, is: impl Fn(&str) -> bool) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| entry.file_name().into_string().ok()).filter(|name| is(name)).collect();
+    names.sort_unstable();
+    names
+}
+
 /// Whether both are of one file.
 #[cfg(unix)]
 fn same_file(a: &Metadata, b: &Metadata) -> bool {

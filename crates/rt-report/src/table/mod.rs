@@ -145,6 +145,12 @@ pub fn percent(share: Option<f64>) -> String {
     share.map_or_else(|| DASH.to_owned(), |share| format!("{:.1}%", 100.0 * share))
 }
 
+/// A text as a field of a CSV file: it may hold commas, and quotes are doubled (RFC 4180).
+#[must_use]
+pub fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('"', "\"\""))
+}
+
 /// A whole number with thin groups of three.
 #[must_use]
 pub fn grouped(n: u64) -> String {

@@ -136,7 +136,7 @@ impl Soup {
                 palette,
                 colour_of,
                 offset,
-                view: None,
+                ..Model::default()
             },
         })
     }

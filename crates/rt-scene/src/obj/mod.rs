@@ -165,7 +165,7 @@ fn load(
             palette: colours.palette,
             colour_of: colours.colour_of,
             offset: placed.offset,
-            view: None,
+            ..Model::default()
         },
     })
 }

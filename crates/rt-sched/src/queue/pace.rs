@@ -29,8 +29,8 @@ const FASTER: f64 = 1.5;
 const SPENT: f64 = 1.0 / 8.0;
 
 /// How much longer launches are than what launches are found to cost and what is left, in the geometric mean, without a
-/// unit: at 10% of a list one launch, at 1% three, at 0.1% ten.
-const LONGER: f64 = 3.0;
+/// unit: at 10% of a list two launches, at 1% five, at 0.1% as many as without a price.
+const LONGER: f64 = 2.0;
 
 /// Fewest launches of a list that is launched in several.
 const FEWEST: f64 = 8.0;
@@ -269,6 +269,10 @@ impl Paces {
         if !self.is_anything_known() {
             // Found, not known: the longer launches are, the less they cost together, and the less is left to be mended
             // if that was wrong. This is in between, and harmless where a little was taken for the price of nothing.
+            // A slow device's tasks are what all may wait for: it takes no more of them for its launches.
+            if FASTER * self.of(device).speed < self.fastest_other(device) {
+                return (f64::INFINITY, 0.0);
+            }
             let part = (LONGER * libm::sqrt(price / share)).min(1.0);
             return (1.0 / part, part);
         }
@@ -289,7 +293,11 @@ impl Paces {
     /// taken for too cheap look like short launches that take long.)
     fn price(&self, device: usize) -> f64 {
         let pace = &self.devices[device];
-        if self.is_anything_known() { pace.launch_s * pace.speed } else { pace.timed.price(self.noise) }
+        if self.is_anything_known() {
+            return pace.launch_s * pace.speed;
+        }
+        // Less than a task is not told from chance.
+        Some(pace.timed.price(self.noise)).filter(|price| *price >= self.mean_share()).unwrap_or(0.0)
     }
 
     /// Says for how long a device was busy with a launch.

@@ -114,6 +114,7 @@ fn slow_devices_hold_nobody_up() {
     let [mixed, cores] = [turns(&[1.0, 50.0, 50.0], 3), cores_and_card()];
     for (speeds, tasks, known, limit) in [
         (&mixed, 3072, Known::Speeds, 0.5),
+        (&mixed, 3072, Known::Nothing, 0.5),
         (&mixed, 8192, Known::Nothing, 0.3),
         (&mixed, 3072, Known::Costs(0.1), 0.2),
         (&cores, 9000, Known::Nothing, 6.0),

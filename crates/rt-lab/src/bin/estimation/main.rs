@@ -119,14 +119,14 @@ fn one(
     let mut cases = Case::list(options);
     let mut outcomes: Vec<Vec<Outcome>> = vec![Vec::new(); cases.len()];
     // The first repetition fills caches and teaches estimators that learn; it is not counted.
-    for repetition in 0..=options.repetitions {
+    for repetition in 0..=options.repeat {
         for (case, outcomes) in cases.iter_mut().zip(&mut outcomes) {
             let outcome = case.run(tracer, source, kind, &tasks, repetition, &truth)?;
             if repetition > 0 {
                 outcomes.push(outcome);
             }
         }
-        note(format_args!("repetition {repetition} of {}", options.repetitions));
+        note(format_args!("repetition {repetition} of {}", options.repeat));
     }
     table::print(scene, kind, size, &tasks, &truth, &cases, &outcomes)?;
     Ok(table::json(scene, kind, size, source.len(), &truth, &cases, &outcomes))

@@ -26,7 +26,7 @@ pub(crate) struct Options {
     pub(crate) task_sizes: Vec<u32>,
     /// Repetitions that count, each with another seed
     #[arg(long, value_name = "N", default_value_t = 7, value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) repetitions: u32,
+    pub(crate) repeat: u32,
     /// Passes over all tasks, one per launch
     #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(2..))]
     pub(crate) passes: u32,
@@ -37,7 +37,7 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with = "only")]
     pub(crate) published: bool,
     /// A look at the form: small pictures, few repetitions
-    #[arg(long, conflicts_with_all = ["size", "task_sizes", "repetitions", "passes"])]
+    #[arg(long, conflicts_with_all = ["size", "task_sizes", "repeat", "passes"])]
     pub(crate) quick: bool,
     /// Write every measurement to this file
     #[arg(long, value_name = "FILE")]
@@ -52,7 +52,7 @@ impl Options {
     pub(crate) fn adjusted(mut self) -> Self {
         if self.quick {
             (self.size, self.task_sizes) = ([512, 512], vec![1024]);
-            (self.repetitions, self.passes) = (3, 2);
+            (self.repeat, self.passes) = (3, 2);
         }
         if self.published {
             self.only = super::summary::published();

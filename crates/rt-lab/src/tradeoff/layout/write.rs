@@ -7,7 +7,7 @@ use anyhow::Result;
 use rt_balance::stats::{CONFIDENCE, Summary};
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
-use rt_report::table::{Table, grouped, seconds};
+use rt_report::table::{Table, grouped, quoted, seconds};
 use std::fmt::Write as _;
 
 /// How to read the tables.
@@ -50,7 +50,7 @@ fn notes(scenes: &[SceneRows]) -> Vec<String> {
         format!(
             "Medians; rounds: {count} at least. The intervals hold the true median {:.0}% of the time or more often{}.",
             100.0 * confidence,
-            if confidence < CONFIDENCE { " (--runs 6 gives 95%)" } else { "" },
+            if confidence < CONFIDENCE { " (--repeat 6 gives 95%)" } else { "" },
         )
     });
     let mut notes: Vec<String> = std::iter::once(NOTES.to_owned()).chain(sure).collect();
@@ -127,9 +127,8 @@ fn table(scenes: &[SceneRows]) -> Table {
 /// Every layout in every round, one line each.
 fn csv(head: String, scenes: &[SceneRows]) -> String {
     let mut text = head
-        + "scene,triangles,device,entry,backend,rays,count,layout,bytes_per_triangle,held_bytes_per_triangle,box_tests,triangle_tests,\
+        + "scene,triangles,device,entry,backend,stream,rays,layout,bytes_per_triangle,held_bytes_per_triangle,box_tests,triangle_tests,\
            differing,round,build_s,convert_s,kernel_s,whole_s,mray_s,over_two\n";
-    let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
     for scene in scenes {
         for pair in scene.rows.chunks_exact(LAYOUTS.len()) {
             for (layout, row) in pair.iter().enumerate() {
@@ -201,7 +200,7 @@ mod tests {
         assert_eq!(chart.panels.len(), 1);
         assert_eq!(chart.panels[0].series[1].points, [[45.0, 1.0]]);
         let notes = notes(&[scene]);
-        assert!(notes[1].contains("75%") && notes[1].contains("--runs 6"), "{notes:?}");
+        assert!(notes[1].contains("75%") && notes[1].contains("--repeat 6"), "{notes:?}");
         assert!(notes[2].starts_with("vulkan:0, eight-wide: walks"), "{notes:?}");
     }
 }

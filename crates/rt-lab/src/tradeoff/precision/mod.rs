@@ -83,10 +83,10 @@ pub struct Options {
     pub scenes: Vec<PathBuf>,
     /// Devices, one after the other, as [`Opener::open_in_turn`](rt_balance::devices::Opener::open_in_turn) reads them.
     pub devices: String,
-    /// Fewer rays and runs: a look, not a measurement.
+    /// Fewer rays and repetitions: a look, not a measurement.
     pub quick: bool,
     /// Runs of each precision; `None`: as suits the extent.
-    pub runs: Option<u32>,
+    pub repeat: Option<u32>,
     /// Size of the picture whose rays are traced, in pixels; `None`: as suits the extent.
     pub size: Option<[u32; 2]>,
     /// Rays of each stream that the exact reference judges; `None`: as suits the extent.
@@ -104,7 +104,7 @@ impl Options {
             scenes: all.scenes.clone(),
             devices: all.devices.as_deref().unwrap_or(device).to_owned(),
             quick: all.quick,
-            runs: all.repeat,
+            repeat: all.repeat,
             size: all.size,
             sample: None,
             seed: all.seed,
@@ -115,7 +115,7 @@ impl Options {
     /// Size of the picture, number of runs and of sampled rays.
     fn effort(&self) -> ([u32; 2], u32, u32) {
         let (size, runs, sample) = if self.quick { ([320, 200], 6, 200) } else { ([960, 600], 30, 2_000) };
-        (self.size.unwrap_or(size), self.runs.unwrap_or(runs), self.sample.unwrap_or(sample))
+        (self.size.unwrap_or(size), self.repeat.unwrap_or(runs), self.sample.unwrap_or(sample))
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Row;
 use rt_balance::stats::Summary;
-use rt_report::table::{Table, grouped};
+use rt_report::table::{Table, grouped, quoted};
 use rt_verify::accuracy::UlpErrors;
 use std::io::{self, Write};
 
@@ -10,12 +10,10 @@ use std::io::{self, Write};
 pub(super) fn csv(file: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     writeln!(
         file,
-        "scene,triangles,device,entry,backend,rays,precision,kernel,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
+        "scene,triangles,device,entry,backend,stream,precision,kernel,mray_s,mray_s_low,mray_s_high,time_over_fast,time_over_fast_low,\
          time_over_fast_high,rays_compared,false_miss_ppm,false_miss_ppm_low,false_miss_ppm_high,false_hit_ppm,other_id_ppm,\
          t_ulp_p50,t_ulp_p99,t_ulp_max,exact_rays,exact_ambiguous,exact_wrong"
     )?;
-    // Names may hold commas.
-    let quoted = |name: &str| format!("\"{}\"", name.replace('"', "\"\""));
     for row in rows {
         let a = &row.accuracy;
         let interval = |m: &Summary| format!("{:.6},{:.6},{:.6}", m.median, m.low, m.high);

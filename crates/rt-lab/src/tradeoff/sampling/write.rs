@@ -7,7 +7,7 @@ use anyhow::Result;
 use rt_balance::DEFAULT_TASK_SIZE;
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
-use rt_report::table::{Table, grouped};
+use rt_report::table::{Table, grouped, quoted};
 use std::fmt::Write as _;
 
 /// What M. Rincón-Nigro and Z. Deng (2013) measured on three Tesla C1060 for coherent and diffuse rays, as shares.
@@ -223,10 +223,10 @@ fn csv(setting: &Setting<'_>, cells: &[Cell]) -> String {
     for cell in cells {
         for (round, (seed, seconds)) in cell.seeds.iter().zip(&cell.seconds).enumerate() {
             let Cell { stream, task_rays, tasks, estimator, fraction, .. } = cell;
-            let (scene, sampler) = (cell.scene.replace('"', "\"\""), cell.sampler.unwrap_or(""));
+            let (scene, sampler) = (quoted(&cell.scene), cell.sampler.unwrap_or(""));
             let _ = write!(
                 text,
-                "\"{scene}\",{stream},{task_rays},{tasks},\"{estimator}\",{sampler},{fraction},{},{seed}",
+                "{scene},{stream},{task_rays},{tasks},\"{estimator}\",{sampler},{fraction},{},{seed}",
                 round + 1
             );
             let metrics = cell.samples.iter().map(|metric| metric.values.get(round).copied().unwrap_or(f64::NAN));

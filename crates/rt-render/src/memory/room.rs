@@ -1,7 +1,11 @@
 //! How much memory there is, and refusing what does not fit before any of it is taken.
 
-use anyhow::{Result, bail};
-pub(crate) use rt_render::memory::{filled, size};
+use super::size;
+use crate::{Film, TaskCut};
+use rt_balance::DEFAULT_TASK_SIZE;
+use rt_scene::streams::Waves;
+use std::error::Error;
+use std::fmt;
 use sysinfo::{MemoryRefreshKind, RefreshKind, System};
 #[cfg(unix)]
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate};
@@ -9,29 +13,31 @@ use sysinfo::{ProcessRefreshKind, ProcessesToUpdate};
 /// Bytes of a picture's path while its wave is in flight: where its rays leave, their hits, its pixel and throughput,
 /// and on a graphics card the rays themselves. Measured by the growth of the largest resident set with the picture:
 /// 75 to 83 on processors, some 60 more for each graphics card whose memory is the host's.
-pub(crate) const BYTES_PER_PATH: u64 = 256;
+pub const BYTES_PER_PATH: u64 = 256;
 
 /// The same of a caller's ray, with its hit and counts. Measured: 62 on processors, 110 on one graphics card, 170 on a
 /// processor and two cards whose memory is the host's.
-pub(crate) const BYTES_PER_GIVEN_RAY: u64 = 192;
+pub const BYTES_PER_GIVEN_RAY: u64 = 192;
 
 /// The same of a ray of a measured stream, with the answers of all that is compared: a guess that is meant to be too
 /// high.
-pub(crate) const BYTES_PER_MEASURED_RAY: u64 = 512;
+pub const BYTES_PER_MEASURED_RAY: u64 = 512;
 
 /// Bytes that what is recorded of a task takes, and what is written about it: also a guess.
-pub(crate) const BYTES_PER_TASK: u64 = 512;
+pub const BYTES_PER_TASK: u64 = 512;
 
 /// Bytes that this process can still take, and what limits them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Room {
-    pub(crate) bytes: u64,
+pub struct Room {
+    /// How many.
+    pub bytes: u64,
     limit: &'static str,
 }
 
 impl Room {
     /// What there is now; a system that tells nothing is taken to have no end.
-    pub(crate) fn now() -> Self {
+    #[must_use]
+    pub fn now() -> Self {
         let endless = Self { bytes: u64::MAX, limit: "there is" };
         let memory = RefreshKind::nothing().with_memory(MemoryRefreshKind::everything());
         let Ok(system) = System::new_with_specifics(memory) else { return endless };
@@ -49,14 +55,80 @@ impl Room {
     }
 
     /// Refuses what needs more.
-    pub(crate) fn require(self, bytes: u64, what: &str, advice: &str) -> Result<()> {
+    ///
+    /// # Errors
+    /// When it does.
+    pub fn require(self, bytes: u64, what: &str, advice: &str) -> Result<(), NoRoom> {
         if bytes <= self.bytes {
             return Ok(());
         }
         let Self { limit, bytes: room } = self;
-        bail!("{what} needs about {}, but {limit} {}: {advice}", size(bytes), size(room))
+        Err(NoRoom(format!("{what} needs about {}, but {limit} {}: {advice}", size(bytes), size(room))))
     }
 }
+
+/// A picture, as far as the memory that it needs goes.
+#[derive(Clone, Copy, Debug)]
+pub struct PictureNeeds {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Paths of each pixel.
+    pub samples: u32,
+    /// Diffuse bounces of each path.
+    pub bounces: u32,
+    /// Frames of the animation.
+    pub frames: u32,
+    /// How streams are cut into tasks.
+    pub cut: TaskCut,
+}
+
+/// Least memory in which rays are traced.
+const LEAST_WAVE: u64 = 1 << 20;
+
+impl Room {
+    /// Cuts a picture into waves of at most `most` bytes for rays and hits.
+    ///
+    /// # Errors
+    /// When there is no room for it.
+    pub fn waves(self, picture: &PictureNeeds, most: u64) -> Result<Waves, NoRoom> {
+        let PictureNeeds { size: [width, height], samples, bounces, frames, cut } = *picture;
+        let pixels = u64::from(width) * u64::from(height);
+        // Primary rays, and for each bounce shadow and diffuse ones at most.
+        let rays = pixels * u64::from(samples) * u64::from(2 * bounces + 2);
+        let tasks = match cut {
+            // Smaller ones only where they are few.
+            TaskCut::Suited => rays / u64::from(DEFAULT_TASK_SIZE),
+            TaskCut::Size(size) => rays / u64::from(size.max(1)),
+            TaskCut::Count(tasks) => u64::from(tasks) * u64::from(2 * bounces + 2),
+        };
+        let records = tasks * u64::from(frames) * BYTES_PER_TASK;
+        let kept = pixels * Film::BYTES_PER_PIXEL + records;
+        let what = format!(
+            "a picture of {width} x {height} pixels ({} bytes a pixel, {} for the records of {tasks} tasks)",
+            Film::BYTES_PER_PIXEL,
+            size(records),
+        );
+        self.require(kept + LEAST_WAVE, &what, "choose a smaller --size, or larger tasks")?;
+        // What the picture leaves, if that is less than may be used; the scene wants half of it.
+        let waves = Waves::new([width, height], samples, BYTES_PER_PATH, most.min((self.bytes - kept) / 2));
+        let waves = waves.map_err(|wrong| NoRoom(wrong.to_string()))?;
+        let wave = waves.largest() * u64::from(samples) * BYTES_PER_PATH;
+        self.require(kept + wave, &format!("{what}, with rays in waves,"), "choose fewer --spp")?;
+        Ok(waves)
+    }
+}
+
+/// Something needs more memory than there is.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoRoom(String);
+
+impl fmt::Display for NoRoom {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Error for NoRoom {}
 
 /// What `ulimit -v` leaves; `None` where there is no such limit.
 #[cfg(unix)]

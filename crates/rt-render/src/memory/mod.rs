@@ -1,5 +1,10 @@
-//! Large lists that may fail.
+//! How much memory there is, and large lists that may fail.
 
+mod room;
+
+pub use room::{
+    BYTES_PER_GIVEN_RAY, BYTES_PER_MEASURED_RAY, BYTES_PER_PATH, BYTES_PER_TASK, NoRoom, PictureNeeds, Room,
+};
 use std::error::Error;
 use std::fmt;
 
