@@ -62,6 +62,19 @@ impl CpuDevice {
             .collect()
     }
 
+    /// A device that works on the threads of a pool that the program has already. They are not pinned, and what they do
+    /// for others beside is time that the device seems to take: its seconds are those that a thread computed for it.
+    ///
+    /// # Errors
+    /// When `RAYBALANCE_ISA` asks for instructions that there are not.
+    pub fn on_pool(pool: Arc<rayon::ThreadPool>) -> Result<Self, OpenError> {
+        let kernel = instructions::kernel(None).map_err(OpenError::Instructions)?;
+        let executor = Executor::on(pool);
+        let threads = executor.threads();
+        let name = format!("CPU pool ({threads} {}, {})", plural(threads, "thread"), kernel.isa());
+        Ok(Self::with(name, executor, kernel, Arc::default()))
+    }
+
     /// Number of cores this process may use, at least 1.
     #[must_use]
     pub fn cores() -> usize {
@@ -88,11 +101,15 @@ impl CpuDevice {
             [first, .., last] => format!("CPU {index} (cores {}-{}, {isa})", first.id, last.id),
         };
         let executor = Executor::new(index, threads, cores).map_err(|source| OpenError::Threads { threads, source })?;
+        Ok(Self::with(name, executor, kernel, trees))
+    }
+
+    fn with(name: String, executor: Executor, kernel: Kernel, trees: Arc<Trees>) -> Self {
         let info = DeviceInfo::new(name, "cpu")
-            .with_units(threads as u32)
+            .with_units(executor.threads() as u32)
             .with_in_flight(IN_FLIGHT)
             .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::EitherTree).with_defined_bits());
-        Ok(Self { info, executor: Arc::new(executor), kernel, trees })
+        Self { info, executor: Arc::new(executor), kernel, trees }
     }
 }
 

@@ -3,6 +3,8 @@
 use core_affinity::CoreId;
 use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use rayon::{ThreadPool, ThreadPoolBuilder};
+use rt_fenv::Environment;
+use std::sync::Arc;
 
 /// Runs pieces of work on a device's own threads.
 pub(crate) struct Executor {
@@ -10,7 +12,9 @@ pub(crate) struct Executor {
     cores: Vec<CoreId>,
     /// Absent for a device of one thread: its tracer's thread does the work itself, which saves two hand-overs per
     /// launch.
-    pool: Option<ThreadPool>,
+    pool: Option<Arc<ThreadPool>>,
+    /// Whether the threads serve others as well, whose floating-point environment they keep.
+    is_shared: bool,
 }
 
 impl Executor {
@@ -26,11 +30,16 @@ impl Executor {
                         core_affinity::set_for_current(*core);
                     }
                 });
-            Some(builder.build()?)
+            Some(Arc::new(builder.build()?))
         } else {
             None
         };
-        Ok(Self { threads, cores, pool })
+        Ok(Self { threads, cores, pool, is_shared: false })
+    }
+
+    /// Threads that the caller has already.
+    pub(crate) fn on(pool: Arc<ThreadPool>) -> Self {
+        Self { threads: pool.current_num_threads(), cores: Vec::new(), pool: Some(pool), is_shared: true }
     }
 
     pub(crate) const fn threads(&self) -> usize {
@@ -56,6 +65,12 @@ impl Executor {
                 let mut scratch = init();
                 items.into_iter().for_each(|item| work(&mut scratch, item));
             }
+            Some(pool) if self.is_shared => pool.install(|| {
+                items.into_par_iter().for_each_init(init, |scratch, item| {
+                    let _environment = Environment::enter();
+                    work(scratch, item);
+                });
+            }),
             Some(pool) => pool.install(|| items.into_par_iter().for_each_init(init, work)),
         }
     }

@@ -11,7 +11,7 @@ use rt_core::{Clock, Device, DeviceError, DeviceInfo, Scene, Tracer};
 use rt_gpu::{Card, GpuDevice, Profile, Tuning, fault_of_llvmpipe};
 use rt_shaders::Purpose;
 use std::sync::Arc;
-use wgpu::{Adapter, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
+use wgpu::{Adapter, AdapterInfo, Backends, DeviceType, Instance, InstanceDescriptor, InstanceFlags};
 
 /// A graphics card or software rasteriser.
 #[derive(Debug)]
@@ -42,19 +42,46 @@ impl WgpuDevice {
         Ok(found.iter().map(|adapter| Self::open(adapter, options)).collect())
     }
 
-    fn open(adapter: &Adapter, options: Options) -> Result<Self, OpenError> {
+    /// Opens one device, of an instance of the caller's.
+    ///
+    /// # Errors
+    /// When it cannot be used, with the reason.
+    pub fn open(adapter: &Adapter, options: Options) -> Result<Self, OpenError> {
         let said = adapter.get_info();
-        let refuse = |reason: String| OpenError::Refused { name: said.name.clone(), reason };
+        Self::check(&said, adapter.limits().max_storage_buffers_per_shader_stage)?;
+        let opened = Opened::new(adapter, &said.name)?;
+        Self::with(opened, &said, options)
+    }
+
+    /// A device that the caller has opened, which draws with it, say. It is shared: launches wait for what was
+    /// submitted before them. Whoever asks for it should ask for its adapter's limits, above all for storage buffers
+    /// (how many a kernel uses, and how large), and for `TIMESTAMP_QUERY`, without which times are those of the host.
+    /// What it calls when it is lost, and on errors that nobody waits for, stays the caller's.
+    ///
+    /// # Errors
+    /// When it cannot be used, with the reason.
+    pub fn of(device: wgpu::Device, queue: wgpu::Queue, options: Options) -> Result<Self, OpenError> {
+        let said = device.adapter_info();
+        Self::check(&said, device.limits().max_storage_buffers_per_shader_stage)?;
+        Self::with(Opened::of(device, queue), &said, options)
+    }
+
+    /// That kernels can run there.
+    fn check(said: &AdapterInfo, buffers: u32) -> Result<(), OpenError> {
+        let refuse = |reason: String| Err(OpenError::Refused { name: said.name.clone(), reason });
         if said.driver == "llvmpipe"
             && let Some(fault) = fault_of_llvmpipe(&said.driver_info)
         {
-            return Err(refuse(fault));
+            return refuse(fault);
         }
-        let buffers = adapter.limits().max_storage_buffers_per_shader_stage;
         if (buffers as usize) < BUFFERS {
-            return Err(refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}")));
+            return refuse(format!("its kernels may use {buffers} buffers, and ours need {BUFFERS}"));
         }
-        let opened = Opened::new(adapter, &said.name)?;
+        Ok(())
+    }
+
+    fn with(opened: Opened, said: &AdapterInfo, options: Options) -> Result<Self, OpenError> {
+        let refuse = |reason: String| OpenError::Refused { name: said.name.clone(), reason };
         let card = Card {
             name: said.name.clone(),
             driver: format!("{} {}", said.driver, said.driver_info),

@@ -36,35 +36,41 @@ struct Faults {
 impl Opened {
     /// Opens a device with all the limits it has.
     pub(crate) fn new(adapter: &Adapter, name: &str) -> Result<Self, OpenError> {
-        let limits = adapter.limits();
-        let features = adapter.features() & Features::TIMESTAMP_QUERY;
         let request = adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("raybalance"),
-            required_features: features,
-            required_limits: limits.clone(),
+            required_features: adapter.features() & Features::TIMESTAMP_QUERY,
+            required_limits: adapter.limits(),
             ..Default::default()
         });
         let (device, queue) = pollster::block_on(request)
             .map_err(|error| OpenError::Refused { name: name.to_owned(), reason: error.to_string() })?;
-        let faults = Arc::<Faults>::default();
-        let told = Arc::clone(&faults);
-        device.set_device_lost_callback(move |reason, message| {
+        let opened = Self::of(device, queue);
+        let told = Arc::clone(&opened.faults);
+        opened.device.set_device_lost_callback(move |reason, message| {
             // Only the first reason counts.
             let _ = told.lost.set(format!("{reason:?}: {message}"));
         });
-        let told = Arc::clone(&faults);
-        device.on_uncaptured_error(Arc::new(move |error| {
+        let told = Arc::clone(&opened.faults);
+        opened.device.on_uncaptured_error(Arc::new(move |error| {
             told.uncaptured.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
         }));
-        let tick = features.contains(Features::TIMESTAMP_QUERY).then(|| f64::from(queue.get_timestamp_period()));
-        Ok(Self {
+        Ok(opened)
+    }
+
+    /// A device that somebody else opened. What it calls when it is lost, and on errors, stays theirs: all that is done
+    /// here is in scopes of errors.
+    pub(crate) fn of(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let limits = device.limits();
+        let has_time = device.features().contains(Features::TIMESTAMP_QUERY);
+        let tick = has_time.then(|| f64::from(queue.get_timestamp_period()));
+        Self {
             binding: limits.max_storage_buffer_binding_size.min(limits.max_buffer_size),
             groups: limits.max_compute_workgroups_per_dimension,
             device,
             queue,
             tick,
-            faults,
-        })
+            faults: Arc::default(),
+        }
     }
 
     /// An error if the device was lost, or something went wrong since the last call.

@@ -1,6 +1,9 @@
 //! From a name or a file to a scene that can be traced: loaded or generated, scanned, its tree built.
 
+#[cfg(feature = "formats")]
 use crate::files::load_file;
+#[cfg(not(feature = "formats"))]
+use crate::obj::load_obj as load_file;
 use crate::obj::{Fault, LoadError, LoadOptions, Loaded, Watch};
 use crate::progress::{LoadStage, Meter};
 use crate::scan::{Plan, Scan};

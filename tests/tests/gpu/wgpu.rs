@@ -1,7 +1,7 @@
 //! Kernels without wgpu's checks, kernels that fail, and a device that goes away.
 
 use crate::{Found, LIMIT, hits};
-use backend_wgpu::{Options, WgpuDevice};
+use backend_wgpu::{Options, WgpuDevice, wgpu};
 use libtest_mimic::{Failed, Trial};
 use rt_bvh::Builder;
 use rt_core::{Device, DeviceError, DeviceErrorKind, Launch, RaySource, StreamSpec, tasks_of};
@@ -10,11 +10,13 @@ use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 pub(crate) fn trials(found: &Found) -> Vec<Trial> {
     vec![
         found.trial("trusted_kernels_find_what_checked_ones_find", trusted_kernels_find_what_checked_ones_find),
+        found.trial("a_device_of_the_callers_traces", a_device_of_the_callers_traces),
         found.trial("a_kernel_that_does_not_compile_is_unsupported", a_kernel_that_does_not_compile_is_unsupported),
         found.trial("a_poisoned_kernel_changes_hits", a_poisoned_kernel_changes_hits),
         found.trial("a_lost_device_is_an_error_and_no_end", a_lost_device_is_an_error_and_no_end),
@@ -37,6 +39,40 @@ fn trusted_kernels_find_what_checked_ones_find(found: &Found) -> Result<(), Fail
         hits::compare_rays(&*found.device, &scene, &rays)?;
     }
     Ok(())
+}
+
+/// Hits are the processor's, and the caller's handler of errors hears of nothing. One that allows too few buffers is
+/// refused before anything is done with it.
+fn a_device_of_the_callers_traces(found: &Found) -> Result<(), Failed> {
+    let backends = wgpu::Backends::VULKAN;
+    // Without names of objects, as in `WgpuDevice::enumerate`.
+    let flags = wgpu::InstanceFlags::empty();
+    let none = wgpu::InstanceDescriptor::new_without_display_handle();
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { backends, flags, ..none });
+    let adapters = pollster::block_on(instance.enumerate_adapters(backends));
+    let adapter = adapters.get(found.position).ok_or("the device is gone")?;
+    let request = |required_limits| {
+        let wanted = wgpu::DeviceDescriptor { required_limits, ..Default::default() };
+        pollster::block_on(adapter.request_device(&wanted))
+    };
+    let (device, queue) = request(adapter.limits())?;
+    let heard = Arc::new(AtomicBool::new(false));
+    let ours = Arc::clone(&heard);
+    device.on_uncaptured_error(Arc::new(move |_| ours.store(true, Ordering::Relaxed)));
+    let device = WgpuDevice::of(device, queue, Options::default())?;
+    let triangles = shapes::soup(3_000, 0.1, 7);
+    let scene = tree::build(&triangles, Builder::Sah)?;
+    hits::compare_rays(&device, &scene, &RayMaker::new(&triangles, 4).mixed(5_000))?;
+    let one = WgpuDevice::open(adapter, Options::default())?;
+    hits::compare_rays(&one, &scene, &RayMaker::new(&triangles, 5).mixed(500))?;
+
+    let few = wgpu::Limits { max_storage_buffers_per_shader_stage: 4, ..adapter.limits() };
+    let (device, queue) = request(few)?;
+    match WgpuDevice::of(device, queue, Options::default()) {
+        Err(error) if error.to_string().contains("may use 4 buffers") => {}
+        other => return Err(format!("not refused: {other:?}").into()),
+    }
+    if heard.load(Ordering::Relaxed) { Err("an error reached the caller's handler".into()) } else { Ok(()) }
 }
 
 /// One ray at one triangle; the error of whatever call fails first.

@@ -3,8 +3,13 @@
 use crate::fixture::{patient, sampling, trace_well};
 use rt_balance::cpu::CpuDevice;
 use rt_balance::{Balancer, Device, Hit, QueueKind, Ray};
-use rt_fenv::test_support::{ALL, with};
+use rt_fenv::test_support::{ALL, Strange, with};
 use std::sync::Arc;
+
+/// A number that is subnormal, unless the thread that asks rounds those to zero.
+fn half_of_least() -> f32 {
+    std::hint::black_box(f32::MIN_POSITIVE) / std::hint::black_box(2.0)
+}
 
 /// Rays at the triangles of [`trace_all`] and past them.
 fn rays() -> Vec<Ray> {
@@ -67,5 +72,31 @@ fn a_callers_environment_changes_no_bit() {
         with(strange, || {
             trace_well("strange", &mut balancer, &mut sampling(QueueKind::Hybrid, patient()));
         });
+    }
+}
+
+/// A device on a program's own threads, which flush subnormal numbers to zero and go on doing so for the program.
+///
+/// Mutants: the threads' environment is used, or is lost to the program.
+#[test]
+fn a_callers_threads_trace_and_stay_as_they_are() {
+    let rays = rays();
+    let own: Arc<dyn Device> = Arc::new(CpuDevice::open_all(&[1]).expect("a thread").remove(0));
+    let (right, subnormal) = (trace_all(&[Arc::clone(&own)], &rays), trace_subnormal(&[own]));
+    for threads in [1, 3] {
+        let spawn = |thread: rayon::ThreadBuilder| {
+            std::thread::spawn(move || with(Strange::FlushToZero, || thread.run()));
+            Ok(())
+        };
+        let builder = rayon::ThreadPoolBuilder::new().num_threads(threads).spawn_handler(spawn);
+        let pool = Arc::new(builder.build().expect("threads"));
+        let device = CpuDevice::on_pool(Arc::clone(&pool)).expect("a device");
+        assert!(device.info().name.contains("pool") && device.info().units == threads as u32);
+        let devices: [Arc<dyn Device>; 1] = [Arc::new(device)];
+        assert!(trace_all(&devices, &rays) == right, "{threads} threads: other bits");
+        assert!(trace_subnormal(&devices) == subnormal, "{threads} threads: other bits of subnormal numbers");
+        let flushed = pool.broadcast(|_| half_of_least());
+        assert!(cfg!(not(target_arch = "x86_64")) || flushed.iter().all(|&half| half == 0.0), "{flushed:?}");
+        assert!(half_of_least() > 0.0);
     }
 }

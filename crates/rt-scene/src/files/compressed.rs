@@ -1,7 +1,7 @@
 //! Files that gzip or xz has made smaller.
 
-use super::read_all;
 use crate::obj::{Fault, Watch};
+use crate::reading::read_all;
 use std::io::Read;
 
 /// Most memory that unpacking may ask for, in KiB: xz's own limit for files that it made without options is 9 MiB.

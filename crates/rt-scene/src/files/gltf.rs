@@ -1,10 +1,11 @@
 //! glTF 2.0, as JSON or binary, read by the crate `gltf`: the nodes of its scene become one model.
 
+use super::malformed;
 use super::soup::Soup;
-use super::{malformed, read_file};
 use crate::model::UNCOLOURED;
 use crate::obj::{Fault, LoadOptions, LoadStage, Watch, unwatched};
 use crate::progress::Meter;
+use crate::reading::read_file;
 use glam::{DMat4, Mat4, Vec3};
 use gltf::accessor::{Accessor, DataType, Dimensions};
 use gltf::buffer::{Source, View};

@@ -28,8 +28,8 @@ pub use crate::progress::{LoadProgress, LoadStage, Watch, unwatched};
 pub use error::{Defect, Fault, LoadError};
 
 use crate::Model;
-use crate::files::read_file;
 use crate::memory::spare;
+use crate::reading::read_file;
 use geometry::{Geometry, Noticed};
 use glam::DVec3;
 use place::Placed;
