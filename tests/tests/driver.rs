@@ -11,7 +11,7 @@ use rt_balance::{
     StreamKind, StreamSpec, TestCounts,
 };
 use rt_bvh::Builder;
-use rt_core::{Clock, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Tracer, Walk};
+use rt_core::{Clock, CountedTree, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Tracer, Walk};
 use rt_sched::sample::Fraction;
 use rt_tests::fake::{FakeDevice, Flaw};
 use rt_verify::rays::RayMaker;
@@ -38,7 +38,7 @@ fn fixture() -> &'static Fixture {
         let triangles = [shapes::grid(24, 0.2, 1), shapes::soup(300, 0.2, 2)].concat();
         let rays = RayMaker::new(&triangles, 5).mixed(6_001);
         let scene = tree::build(&triangles, Builder::Sah).expect("a scene");
-        let spec = StreamSpec { counts: true, ..StreamSpec::default() };
+        let spec = StreamSpec { counts: true, counted: CountedTree::Scene, ..StreamSpec::default() };
         let (hits, counts) = tree::trace(&scene, spec, &rays);
         let (rays, origins): (Vec<_>, Vec<_>) = rays.into_iter().unzip();
         let source = RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) };

@@ -15,7 +15,8 @@ use rt_balance::report::StreamRun;
 use rt_balance::{Audit, BalanceError, Balancer, Control, CostEstimator, Limits, QueueKind, Scheduling, Stream};
 use rt_bvh::Builder;
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, TestCounts, Walk,
+    CountedTree, Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec,
+    TestCounts, Walk,
 };
 use rt_gpu::FaultInjection;
 use rt_sched::sample::Fraction;
@@ -197,7 +198,7 @@ fn fixture() -> &'static Fixture {
         let triangles = [shapes::grid(24, 0.2, 1), shapes::soup(300, 0.2, 2)].concat();
         let rays = RayMaker::new(&triangles, 6).mixed(6_001);
         let scene = tree::build(&triangles, Builder::Sah).expect("a scene");
-        let spec = StreamSpec { counts: true, ..StreamSpec::default() };
+        let spec = StreamSpec { counts: true, counted: CountedTree::Scene, ..StreamSpec::default() };
         let (hits, counts) = tree::trace(&scene, spec, &rays);
         let (rays, origins): (Vec<_>, Vec<_>) = rays.into_iter().unzip();
         let source = RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) };

@@ -3,7 +3,6 @@
 use crate::executor::Executor;
 use crate::instructions::{self, InstructionsError};
 use crate::launches::{Launches, Trees};
-use crate::packets::Kernels;
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
 use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
@@ -109,7 +108,7 @@ impl CpuDevice {
         let info = DeviceInfo::new(name, "cpu")
             .with_units(executor.threads() as u32)
             .with_in_flight(IN_FLIGHT)
-            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits());
+            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::EitherTree).with_defined_bits());
         Self { info, executor: Arc::new(executor), kernel, trees }
     }
 }
@@ -125,8 +124,7 @@ impl Device for CpuDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let launches = self.trees.of(&scene).map(|tree| Launches::new(self.kernel, tree));
-        let kernels = Kernels::of(self.isa());
-        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, kernels, launches, clock, IN_FLIGHT)?))
+        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, launches, clock, IN_FLIGHT)?))
     }
 }
 

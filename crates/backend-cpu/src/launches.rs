@@ -1,8 +1,10 @@
-//! Launches in the SIMD words of the processor: rays that nobody counts.
+//! Launches and walks in the SIMD words of the processor.
 
 use crate::tracer::coherence;
 use rt_bvh::BlockTree;
-use rt_core::{Coherence, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec};
+use rt_core::{
+    Coherence, CountedTree, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec, TestCounts, Walk,
+};
 use rt_simd::{Kernel, Scratch};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -46,15 +48,21 @@ struct Room {
     excluded: Vec<u32>,
 }
 
+/// Where the results of rays go: a hit of each, and the tests of each where they are counted.
+pub(crate) struct Results<'a> {
+    pub(crate) hits: &'a mut [Hit],
+    pub(crate) counts: Option<&'a mut [TestCounts]>,
+}
+
 impl Launches {
     pub(crate) const fn new(kernel: Kernel, tree: Arc<BlockTree>) -> Self {
         Self { kernel, tree, idle: Mutex::new(Vec::new()) }
     }
 
-    /// Whether a stream's launches are for these kernels. `robust` and `f64` are the same hits. Counts depend on a
-    /// ray's company here, so that launches and samples could not be compared; and nothing here is `fast`'s.
-    pub(crate) const fn suit(spec: StreamSpec) -> bool {
-        !spec.counts && !matches!(spec.precision, Precision::Fast)
+    /// Whether these kernels trace a stream, and count it where it or a walk is `counted`. `robust` and `f64` are the
+    /// same hits; nothing here is `fast`'s, and what is counted are tests of this tree.
+    pub(crate) const fn suit(spec: StreamSpec, counted: bool) -> bool {
+        !matches!(spec.precision, Precision::Fast) && !(counted && matches!(spec.counted, CountedTree::Scene))
     }
 
     /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are
@@ -65,48 +73,106 @@ impl Launches {
         spec: StreamSpec,
         range: Range<u32>,
         done: Option<(&RayMask, bool)>,
-        hits: &mut [Hit],
+        mut results: Results<'_>,
     ) {
-        let taken = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut room = taken.unwrap_or_default();
-        let how = (spec.query, coherence(source, spec));
-        match (source, done) {
-            // A caller's own rays are read where they are.
-            (RaySource::Explicit { rays, origins }, None) => {
-                let range = range.start as usize..range.end as usize;
-                let excluded = origins.as_ref().map_or(&[][..], |origins| &origins[range.clone()]);
-                self.kernel.trace(&self.tree, &mut room.scratch, how, &rays[range], excluded, hits);
+        if let Some((done, true)) = done {
+            let rest: Vec<u32> = range.clone().filter(|&ray| !done.contains(ray)).collect();
+            let mut hits = vec![Hit::MISS; rest.len()];
+            let mut counts = vec![TestCounts::default(); if results.counts.is_some() { rest.len() } else { 0 }];
+            let counted = results.counts.as_ref().map(|_| &mut counts[..]);
+            self.walk(source, spec, Walk::Full, &rest, Results { hits: &mut hits, counts: counted });
+            results.hits.fill(Hit::MISS);
+            if let Some(to) = &mut results.counts {
+                to.fill(TestCounts::default());
+                let places = rest.iter().zip(&counts);
+                places.for_each(|(&ray, count)| to[(ray - range.start) as usize] = *count);
             }
-            (_, Some((done, true))) => {
-                hits.fill(Hit::MISS);
-                let rest: Vec<u32> = range.clone().filter(|&ray| !done.contains(ray)).collect();
-                let mut found = [Hit::MISS; WINDOW];
-                for numbers in rest.chunks(WINDOW) {
-                    let found = &mut found[..numbers.len()];
-                    let (rays, excluded) = room.places(numbers.len());
+            rest.iter().zip(&hits).for_each(|(&ray, hit)| results.hits[(ray - range.start) as usize] = *hit);
+            return;
+        }
+        let how = (spec.query, coherence(source, spec));
+        let mut room = self.room();
+        if let (RaySource::Explicit { rays, origins }, None) = (source, done) {
+            // A caller's own rays are read where they are.
+            let range = range.start as usize..range.end as usize;
+            let excluded = origins.as_ref().map_or(&[][..], |origins| &origins[range.clone()]);
+            self.answer(&mut room.scratch, Walk::Full, how, (&rays[range], excluded), results);
+        } else {
+            results.windows(|results, place| {
+                let first = range.start + place as u32;
+                let (rays, excluded) = room.places(results.hits.len());
+                source.rays(first, rays, excluded);
+                if let Some((done, _)) = done {
+                    let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
+                    let rays = rays.iter_mut().zip(first..).filter(|(_, number)| done.contains(*number));
+                    rays.for_each(|(ray, _)| *ray = none);
+                }
+                self.answer_room(&mut room, Walk::Full, how, results);
+            });
+        }
+        self.give_back(room);
+    }
+
+    /// Walks rays of a stream, which are in the order of their numbers.
+    pub(crate) fn walk(&self, source: &RaySource, spec: StreamSpec, walk: Walk, numbers: &[u32], results: Results<'_>) {
+        let how = (spec.query, coherence(source, spec));
+        let mut room = self.room();
+        results.windows(|results, place| {
+            let numbers = &numbers[place..place + results.hits.len()];
+            let (rays, excluded) = room.places(numbers.len());
+            match *numbers {
+                // All that are between the first and the last are made together.
+                [first, .., last]
+                    if (last - first) as usize + 1 == numbers.len() && numbers.is_sorted_by(|a, b| a < b) =>
+                {
+                    source.rays(first, rays, excluded);
+                }
+                _ => {
                     for ((ray, excluded), &number) in rays.iter_mut().zip(excluded).zip(numbers) {
                         (*ray, *excluded) = source.ray(number);
                     }
-                    room.trace(self, how, found);
-                    for (&number, hit) in numbers.iter().zip(&*found) {
-                        hits[(number - range.start) as usize] = *hit;
-                    }
                 }
             }
-            _ => {
-                for (hits, first) in hits.chunks_mut(WINDOW).zip(range.step_by(WINDOW)) {
-                    let (rays, excluded) = room.places(hits.len());
-                    source.rays(first, rays, excluded);
-                    if let Some((done, _)) = done {
-                        let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
-                        let rays = rays.iter_mut().zip(first..).filter(|(_, number)| done.contains(*number));
-                        rays.for_each(|(ray, _)| *ray = none);
-                    }
-                    room.trace(self, how, hits);
-                }
-            }
-        }
+            self.answer_room(&mut room, walk, how, results);
+        });
+        self.give_back(room);
+    }
+
+    fn room(&self) -> Room {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn give_back(&self, room: Room) {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).push(room);
+    }
+
+    /// Walks the rays that were put into a room.
+    fn answer_room(&self, room: &mut Room, walk: Walk, how: (Query, Coherence), results: Results<'_>) {
+        self.answer(&mut room.scratch, walk, how, (&room.rays, &room.excluded), results);
+    }
+
+    fn answer(
+        &self,
+        scratch: &mut Scratch,
+        walk: Walk,
+        how: (Query, Coherence),
+        (rays, excluded): (&[Ray], &[u32]),
+        Results { hits, counts }: Results<'_>,
+    ) {
+        match counts {
+            None => self.kernel.trace(&self.tree, scratch, how, rays, excluded, hits),
+            Some(counts) => self.kernel.count(&self.tree, scratch, walk, how, rays, excluded, counts, hits),
+        }
+    }
+}
+
+impl Results<'_> {
+    /// Calls `each` with the results of [`WINDOW`] rays after those of the others, and where they begin.
+    fn windows(self, mut each: impl FnMut(Results<'_>, usize)) {
+        let mut counts = self.counts.map(|counts| counts.chunks_mut(WINDOW));
+        for (i, hits) in self.hits.chunks_mut(WINDOW).enumerate() {
+            each(Results { hits, counts: counts.as_mut().and_then(Iterator::next) }, i * WINDOW);
+        }
     }
 }
 
@@ -116,10 +182,5 @@ impl Room {
         self.rays.resize(count, Ray::new([0.0; 3].into(), [0.0; 3].into()));
         self.excluded.resize(count, u32::MAX);
         (&mut self.rays, &mut self.excluded)
-    }
-
-    /// Traces the rays that were put there.
-    fn trace(&mut self, launches: &Launches, how: (Query, Coherence), hits: &mut [Hit]) {
-        launches.kernel.trace(&launches.tree, &mut self.scratch, how, &self.rays, &self.excluded, hits);
     }
 }

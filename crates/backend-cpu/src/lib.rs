@@ -5,24 +5,23 @@
 //! scene with the host and copy nothing. All CPU devices run the same kernels in the same order per ray, so any split
 //! of a stream over any of them gives the same bits.
 //!
-//! Launches that count nothing take the kernels of `rt-simd`, over its eight-wide tree, which devices opened together
-//! share: it is held beside the scene. The environment variable `RAYBALANCE_ISA` chooses their instructions (`avx512`,
+//! Launches and walks take the kernels of `rt-simd`, over its eight-wide tree, which devices opened together share: it
+//! is held beside the scene. The environment variable `RAYBALANCE_ISA` chooses their instructions (`avx512`,
 //! `avx2`, `portable`). Which candidate an any-hit ray reports then depends on the other rays.
 //!
-//! Samples, reduced walks, counted launches and the precision `fast` walk the two-wide tree in packets of sixteen, so
-//! that all that is counted is counted on one layout, and prices fit. Samples of a task come in the stream's order,
-//! along the Z-curve: so sparse ones are compacted into packets of near neighbours. Where the processor has AVX2,
-//! packets take its words; the one `unsafe` call is that.
+//! What is counted, in samples, reduced walks and launches alike, are the tests of a ray that walks that tree alone,
+//! whatever its company ([`rt_simd::Kernel::count`]): so prices fit. Samples of a task come in the stream's order, along
+//! the Z-curve: so sparse ones are compacted into packets of near neighbours. Where a stream asks for counts of the
+//! scene's own tree, which other devices count too, and where it asks for the precision `fast`, single rays walk that.
 //!
-//! Current state and limits: samples cost several times as much a ray as launches do; cores are taken in the order the
-//! system lists them, without regard to hyper-threads or NUMA nodes.
-#![deny(unsafe_code)]
+//! Current state and limits: such streams, and scenes of more than 5 · 10⁸ leaves, take several times as long a ray;
+//! cores are taken in the order the system lists them, without regard to hyper-threads or NUMA nodes.
+#![forbid(unsafe_code)]
 
 mod device;
 mod executor;
 mod instructions;
 mod launches;
-mod packets;
 mod stopwatch;
 mod tracer;
 

@@ -1,19 +1,17 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
-use crate::launches::{Launches, WINDOW};
-use crate::packets::Kernels;
+use crate::launches::{Launches, Results, WINDOW};
 use crate::stopwatch::Stopwatch;
-use rt_bvh::{PacketWalk, ReducedTree, Stack};
+use rt_bvh::Stack;
 use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, Ray, RayMask, RaySource, ReducedWalk, Scene, Span,
-    StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+    Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task,
+    TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
-use std::ops::Range;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 /// Fewest rays that one of several threads traces before it looks for more work: enough to hide the hand-over and the
@@ -70,14 +68,12 @@ impl CpuTracer {
     pub(crate) fn new(
         executor: Arc<Executor>,
         scene: Arc<Scene>,
-        kernels: Kernels,
         launches: Option<Launches>,
         clock: Clock,
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
-        let worker =
-            Worker { executor, kernels, launches, scene, clock, planes: OnceLock::new(), truncated: OnceLock::new() };
+        let worker = Worker { executor, launches, scene, clock };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -167,14 +163,10 @@ impl Tracer for CpuTracer {
 /// The tracer's thread.
 struct Worker {
     executor: Arc<Executor>,
-    kernels: Kernels,
-    /// What traces launches that count nothing; absent for a scene of too many triangles.
+    /// What traces and walks nearly everything; absent for a scene of too many triangles.
     launches: Option<Launches>,
     scene: Arc<Scene>,
     clock: Clock,
-    /// Trees of reduced walks, made when the first of their kind is asked for.
-    planes: OnceLock<ReducedTree>,
-    truncated: OnceLock<ReducedTree>,
 }
 
 /// A part of a task: its rays, where their results go, and the thread seconds it took.
@@ -250,69 +242,30 @@ impl Worker {
         let range = piece.first..piece.first + piece.hits.len() as u32;
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
-        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec)) {
+        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec, spec.counts)) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
-            launches.trace(source, spec, range, done, piece.hits);
-            return;
-        }
-        let set = |i: usize, hit: Hit, counts: TestCounts| {
-            piece.hits[i] = hit;
-            if let Some(slot) = piece.counts.get_mut(i) {
-                *slot = counts;
+            let counts = spec.counts.then_some(&mut *piece.counts);
+            launches.trace(source, spec, range, done, Results { hits: piece.hits, counts });
+        } else {
+            let mut counts = piece.counts.iter_mut();
+            for (ray, hit) in range.zip(&mut *piece.hits) {
+                let mut tests = TestCounts::default();
+                *hit = Hit::MISS;
+                if !is_done(ray) {
+                    let ray = std::iter::once(source.ray(ray));
+                    rt_bvh::trace(&self.scene, stack, spec, ray, |found, counted| (*hit, tests) = (found, counted));
+                }
+                if let Some(slot) = counts.next() {
+                    *slot = tests;
+                }
             }
-        };
-        self.trace_rest(stack, source, spec, range, (number, &is_done), set);
-    }
-
-    /// Traces the rays of a range that are not done and says what came of each; the `number` that are done miss.
-    fn trace_rest(
-        &self,
-        stack: &mut Stack,
-        source: &RaySource,
-        spec: StreamSpec,
-        range: Range<u32>,
-        (number, is_done): (u32, &dyn Fn(u32) -> bool),
-        mut set: impl FnMut(usize, Hit, TestCounts),
-    ) {
-        let walk = PacketWalk::Trace(spec);
-        if number <= range.len() as u32 / FEW_DONE {
-            // A ray that misses at once leaves its lane empty: the others stay in packets of neighbouring pixels.
-            let none = (Ray::new([0.0; 3].into(), [0.0; 3].into()), u32::MAX);
-            let rays = range.map(|ray| if number > 0 && is_done(ray) { none } else { source.ray(ray) });
-            let mut i = 0;
-            self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, counts| {
-                set(i, hit, counts);
-                i += 1;
-            });
-            return;
         }
-        let first = range.start;
-        let (done, rest): (Vec<u32>, Vec<u32>) = range.partition(|&ray| is_done(ray));
-        done.iter().for_each(|ray| set((ray - first) as usize, Hit::MISS, TestCounts::default()));
-        let mut slots = rest.iter().map(|ray| (ray - first) as usize);
-        let rays = rest.iter().map(|&ray| source.ray(ray));
-        self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, counts| {
-            if let Some(i) = slots.next() {
-                set(i, hit, counts);
-            }
-        });
     }
 
     fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {
         let mut counts = vec![TestCounts::default(); rays.len()];
         let mut hits = vec![Hit::MISS; rays.len()];
         let span = self.timed(|| {
-            let walk = match walk {
-                // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-                Walk::Full => PacketWalk::Trace(StreamSpec { counts: true, ..spec }),
-                Walk::Reduced(ReducedWalk::LeafPlane) => {
-                    PacketWalk::Tree(self.planes.get_or_init(|| ReducedTree::with_planes(&self.scene)))
-                }
-                Walk::Reduced(ReducedWalk::Truncated) => {
-                    PacketWalk::Tree(self.truncated.get_or_init(|| ReducedTree::truncated(&self.scene)))
-                }
-                Walk::Reduced(walk @ (ReducedWalk::LeafAsHit | ReducedWalk::Unshortened)) => PacketWalk::Reduced(walk),
-            };
             // Rays in the stream's order, so that neighbours share packets; most lists are in it.
             let mut order: Vec<(u32, usize)> = Vec::new();
             if !rays.is_sorted() {
@@ -321,17 +274,15 @@ impl Worker {
             }
             let sorted: Vec<u32> = order.iter().map(|&(ray, _)| ray).collect();
             let rays = if order.is_empty() { rays } else { &sorted };
-            let pieces = rays.chunks(CHUNK).zip(counts.chunks_mut(CHUNK)).zip(hits.chunks_mut(CHUNK)).collect();
+            let chunk = chunk_of(rays.len(), self.executor.threads());
+            let pieces = rays.chunks(chunk).zip(counts.chunks_mut(chunk)).zip(hits.chunks_mut(chunk)).collect();
+            let launches = self.launches.as_ref().filter(|_| Launches::suit(spec, true));
             self.executor.for_each(
                 pieces,
                 || Stack::for_scene(&self.scene),
-                |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| {
-                    let mut i = 0;
-                    let rays = rays.iter().map(|&ray| source.ray(ray));
-                    self.kernels.walk(&self.scene, stack, walk, coherence(source, spec), rays, |hit, count| {
-                        (counts[i], hits[i]) = (count, hit);
-                        i += 1;
-                    });
+                |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| match launches {
+                    Some(launches) => launches.walk(source, spec, walk, rays, Results { hits, counts: Some(counts) }),
+                    None => self.walk_scene(stack, source, spec, walk, rays, counts, hits),
                 },
             );
             if !order.is_empty() {
@@ -339,6 +290,30 @@ impl Worker {
             }
         });
         Walked { counts, hits, span }
+    }
+
+    /// Walks rays through the scene's own tree, one by one.
+    #[expect(clippy::too_many_arguments, reason = "a walk's question and its answers")]
+    fn walk_scene(
+        &self,
+        stack: &mut Stack,
+        source: &RaySource,
+        spec: StreamSpec,
+        walk: Walk,
+        rays: &[u32],
+        counts: &mut [TestCounts],
+        hits: &mut [Hit],
+    ) {
+        let mut results = counts.iter_mut().zip(hits);
+        let mut put = |hit: Hit, tests: TestCounts| {
+            results.next().into_iter().for_each(|(count, slot)| (*count, *slot) = (tests, hit));
+        };
+        let rays = rays.iter().map(|&ray| source.ray(ray));
+        match walk {
+            // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
+            Walk::Full => rt_bvh::trace(&self.scene, stack, StreamSpec { counts: true, ..spec }, rays, &mut put),
+            Walk::Reduced(_) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, &mut put),
+        }
     }
 }
 

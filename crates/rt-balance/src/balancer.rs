@@ -11,8 +11,8 @@ use crate::report::StreamRun;
 use crate::run::{Ran, run};
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
 use rt_core::{
-    CostEstimator, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream,
-    Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
+    CostEstimator, Counted, CountedTree, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray,
+    RaySource, RayStream, Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
@@ -297,9 +297,23 @@ impl Balancer {
         limits: &Limits,
         control: Control<'_>,
     ) -> Result<(), BalanceError> {
-        let (source, spec, walk) = (&stream.source, stream.spec, estimator.walk());
+        let (source, spec, walk) = (&stream.source, self.spec_of(stream), estimator.walk());
         ask_all(&mut self.members, || Call::Prepare { source: source.clone(), spec, walk }, limits, control)?;
         Ok(())
+    }
+
+    /// What is asked of a stream's rays on these devices.
+    ///
+    /// Counts of one stream are put together whoever counted them. So where devices count otherwise by their own trees,
+    /// and all of those that count can count the scene's, they do that.
+    fn spec_of(&self, stream: &Stream) -> StreamSpec {
+        let counting =
+            || self.members.iter().map(|m| &m.info).filter(|info| info.capabilities.counts() != Counted::Nothing);
+        let alike = counting().all(|info| info.capabilities.counts() == Counted::SceneTree)
+            || counting().zip(counting().skip(1)).all(|(a, b)| a.backend == b.backend);
+        let common = counting().all(|info| info.capabilities.counts_scene_tree());
+        let counted = if common && !alike { CountedTree::Scene } else { stream.spec.counted };
+        StreamSpec { counted, ..stream.spec }
     }
 
     /// Gives the rays to every device that is ready, or is so in time. One that cannot take them drops out; one that
@@ -313,8 +327,9 @@ impl Balancer {
     ) -> Result<(), BalanceError> {
         settle(&mut self.members, limits, control)?;
         let mut refused = Vec::new();
+        let spec = self.spec_of(stream);
         for member in self.members.iter_mut().filter(|member| member.is_ready()) {
-            if !member.info.capabilities.can_trace(stream.spec) {
+            if !member.info.capabilities.can_trace(spec) {
                 let (precision, counts) = (stream.spec.precision.name(), stream.spec.counts);
                 let what =
                     format!("it cannot trace with precision {precision}, counts {counts}: choose another device");
@@ -323,7 +338,7 @@ impl Balancer {
                 refused.push((member.index, error));
             }
         }
-        let (source, spec, limit) = (&stream.source, stream.spec, limits.lost);
+        let (source, limit) = (&stream.source, limits.lost);
         let call = || Call::Load { source: source.clone(), spec, limit, audit };
         for (index, error) in ask_all(&mut self.members, call, limits, control)? {
             self.members[index].leave_out(&error);

@@ -79,16 +79,6 @@ pub const ESTIMATORS: &[Entry<Make>] = &[
         "As reduced, but the ray is never shortened",
         Make::Sampling(|fraction| reduced(ReducedWalk::Unshortened, fraction), Fraction::SIXTY_FOURTH),
     ),
-    entry(
-        "reduced-plane",
-        "As reduced, but the ray is cut by a plane for each leaf, as often as its triangles cover it (CPU devices)",
-        Make::Sampling(|fraction| reduced(ReducedWalk::LeafPlane, fraction), Fraction::SIXTY_FOURTH),
-    ),
-    entry(
-        "reduced-truncated",
-        "As reduced, but only the top of the tree is walked, over calibrated stubs (CPU devices)",
-        Make::Sampling(|fraction| reduced(ReducedWalk::Truncated, fraction), Fraction::SIXTY_FOURTH),
-    ),
 ];
 
 /// How a policy is made.
@@ -262,7 +252,7 @@ mod tests {
         for entry in QUEUES {
             assert_eq!(entry.make.name(), entry.name);
         }
-        assert_eq!(reduced_estimators().count(), 4);
+        assert_eq!(reduced_estimators().count(), 2);
     }
 
     #[test]
@@ -276,7 +266,7 @@ mod tests {
     /// Mutants: a share that is read upside down; one that is given to an estimator that takes none.
     #[test]
     fn texts_are_read_as_they_are_written() {
-        for text in ["auto", "uniform", "exact 1/64", "reduced-plane 1/1", "exact 0.3"] {
+        for text in ["auto", "uniform", "exact 1/64", "reduced-unshortened 1/1", "exact 0.3"] {
             assert_eq!(text.parse::<Estimator>().unwrap().label(), text);
         }
         for bad in ["", "exakt", "uniform 1/2", "exact 2", "exact 1/0", "auto 1/2", "exact x"] {

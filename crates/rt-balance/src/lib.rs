@@ -91,9 +91,10 @@ pub use rt_bvh::{
 };
 pub use rt_core::{
     Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
-    Counted, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord, MAX_DEPTH, Node,
-    Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask, RaySource, RayStream, ReducedWalk, Scene,
-    SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId, TaskOutcome, TestCounts,
-    Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect, morton, random, tasks_of, with_causes,
+    Counted, CountedTree, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord,
+    MAX_DEPTH, Node, Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask, RaySource, RayStream,
+    ReducedWalk, Scene, SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId,
+    TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect, morton,
+    random, tasks_of, with_causes,
 };
 pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues, sample};

@@ -3,7 +3,7 @@
 use crate::Stream;
 use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
-use rt_core::{Coherence, CostEstimator, CostModel, CountsToken, StreamKind, TaskId, Work};
+use rt_core::{Coherence, CostEstimator, CostModel, CountedTree, CountsToken, StreamKind, TaskId, Work};
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use rt_sched::estimate::Uniform;
 use rt_sched::uninformed::Regime;
@@ -19,13 +19,14 @@ pub(crate) struct Models {
     walks: BTreeMap<Key, Calibration>,
 }
 
-/// What launches must have in common to be priced alike: the estimator that counted their tests, and the kind of
-/// stream, since incoherent rays miss the caches that coherent ones hit.
+/// What launches must have in common to be priced alike: the estimator that counted their tests, and whose those are,
+/// and the kind of stream, since incoherent rays miss the caches that coherent ones hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
     counts: CountsToken,
     class: u8,
     coherence: Coherence,
+    counted: CountedTree,
 }
 
 impl Key {
@@ -37,7 +38,7 @@ impl Key {
             StreamKind::Diffuse(_) => 2,
             _ => 3,
         };
-        Self { counts, class, coherence: stream.spec.coherence }
+        Self { counts, class, coherence: stream.spec.coherence, counted: stream.spec.counted }
     }
 
     /// The key of a stream after its estimate.

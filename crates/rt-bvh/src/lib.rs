@@ -12,13 +12,9 @@
 //! [`BlockTree`] is a third layout, for kernels that use the SIMD words of processors: eight-wide too, with boxes in
 //! single precision and leaves of four triangles. This crate makes and checks it, and does not trace it.
 //!
-//! [`walk_packets`] walks the two-wide tree with sixteen rays at a time: the same hits and counts, sooner where
-//! neighbouring rays take similar paths.
-//!
 //! # Current state and limits
 //!
-//! * Portable code without `unsafe`: SIMD words are the compiler's. Only packets are also compiled for AVX2
-//!   ([`walk_packets_avx2`]); calling that is `unsafe` where the caller is not compiled for it as well.
+//! * Portable code without `unsafe`, one ray at a time: the crate `rt-simd` is what is fast on processors.
 //! * Where a mesh has coordinates 2⁶⁰ times as large as its details, or a ray starts as far away, boxes hardly help:
 //!   every ray is tested against much of the mesh, and graphics cards leave it to the host. Hits are right all the
 //!   same.
@@ -43,7 +39,5 @@ pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeEr
 pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, build_with, refit};
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, UnknownBuilder};
 pub use stats::TreeStats;
-#[cfg(target_arch = "x86_64")]
-pub use trace::walk_packets_avx2;
-pub use trace::{PacketWalk, ReducedTree, Stack, count, count_wide, kernel_io, trace, trace_wide, walk_packets};
+pub use trace::{Stack, count, count_wide, kernel_io, trace, trace_wide};
 pub use wide::{WideError, WideNode, WideTree};

@@ -4,8 +4,8 @@ mod common;
 
 use common::{Model, Random, closest, in_words, nasty_rays, scene_of, soup};
 use glam::Vec3;
-use rt_bvh::{Builder, PacketWalk, Stack, WideTree, trace_wide, walk_packets};
-use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec};
+use rt_bvh::{Builder, Stack, WideTree, trace_wide};
+use rt_core::{Hit, Precision, Ray, Scene, StreamSpec};
 
 fn bits(hit: Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
@@ -25,7 +25,6 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
         let scene = scene_of(model, builder);
         for precision in [Precision::Robust, Precision::Double] {
             compare(closest(&scene, precision, rays), &format!("{builder}, {precision:?}"));
-            compare(in_packets(&scene, precision, rays), &format!("{builder}, {precision:?}, packets"));
         }
         compare(in_wide_tree(&scene, rays), &format!("{builder}, wide"));
         for (isa, hits) in in_words(&scene, rays) {
@@ -37,13 +36,6 @@ fn assert_brute(model: &Model, rays: &[Ray], name: &str) -> Vec<Hit> {
 
 fn free(rays: &[Ray]) -> impl Iterator<Item = (Ray, u32)> {
     rays.iter().map(|ray| (*ray, u32::MAX))
-}
-
-fn in_packets(scene: &Scene, precision: Precision, rays: &[Ray]) -> Vec<Hit> {
-    let mut hits = Vec::new();
-    let walk = PacketWalk::Trace(StreamSpec::new(Query::Closest, precision, false));
-    walk_packets(scene, &mut Stack::default(), walk, free(rays), |hit, _| hits.push(hit));
-    hits
 }
 
 fn in_wide_tree(scene: &Scene, rays: &[Ray]) -> Vec<Hit> {

@@ -12,7 +12,7 @@ pub enum Need {
     DefinedBits,
     /// Launches that count tests where a stream asks them to, and [`Walk::Full`]: anything but [`Counted::Nothing`].
     Counts,
-    /// [`Counted::SceneTree`]: counts that can be compared with those of other devices.
+    /// [`Capabilities::counts_scene_tree`]: counts that can be compared with those of other devices.
     SceneTree,
     /// A precision beside [`Precision::Robust`], which every device must have.
     Precision(Precision),
@@ -27,7 +27,7 @@ impl Need {
         match self {
             Self::DefinedBits => capabilities.has_defined_bits(),
             Self::Counts => capabilities.counts() != Counted::Nothing,
-            Self::SceneTree => capabilities.counts() == Counted::SceneTree,
+            Self::SceneTree => capabilities.counts_scene_tree(),
             Self::Precision(precision) => capabilities.has_precision(precision),
             Self::ReducedWalk(walk) => capabilities.has_walk(Walk::Reduced(walk)),
         }

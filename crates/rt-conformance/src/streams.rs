@@ -75,7 +75,7 @@ fn getting_ready_changes_nothing(device: &dyn Device) -> Result<(), String> {
         None,
         Some(Walk::Full),
         Some(Walk::Reduced(ReducedWalk::LeafAsHit)),
-        Some(Walk::Reduced(ReducedWalk::Truncated)),
+        Some(Walk::Reduced(ReducedWalk::Unshortened)),
     ];
     let other = RaySource::Explicit { rays: [Ray::new(Vec3::ZERO, Vec3::X)].into(), origins: None };
     let mut session = Session::open(device, &fixture.scene)?;

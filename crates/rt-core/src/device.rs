@@ -183,8 +183,20 @@ pub struct StreamSpec {
     pub precision: Precision,
     /// Whether launches return exact counts beside the hits.
     pub counts: bool,
+    /// Whose tests those counts are, and those of walks. It changes no hit of [`Query::Closest`].
+    pub counted: CountedTree,
     /// What the caller knows of rays that follow each other. It changes no hit.
     pub coherence: Coherence,
+}
+
+/// Whose tests a stream counts, in launches and walks alike.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum CountedTree {
+    /// Those of the device's own traversal: the cheapest way that it has.
+    #[default]
+    Own,
+    /// Those of the scene's tree ([`Scene::nodes`]), where the device can count them: the same on every such device.
+    Scene,
 }
 
 /// Whether rays that follow each other in a stream take similar paths.
@@ -203,7 +215,7 @@ impl StreamSpec {
     /// What is asked of each ray, of which nothing else is known.
     #[must_use]
     pub const fn new(query: Query, precision: Precision, counts: bool) -> Self {
-        Self { query, precision, counts, coherence: Coherence::Unknown }
+        Self { query, precision, counts, counted: CountedTree::Own, coherence: Coherence::Unknown }
     }
 }
 

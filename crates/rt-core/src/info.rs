@@ -1,6 +1,6 @@
 //! What a device is and can do.
 
-use crate::{Precision, ReducedWalk, StreamSpec, Walk};
+use crate::{CountedTree, Precision, ReducedWalk, StreamSpec, Walk};
 use alloc::string::String;
 
 /// What a device is, for people and for the driver.
@@ -78,17 +78,21 @@ pub struct Capabilities {
 pub enum Counted {
     /// Nothing: it has no walks, and streams that ask for counts go to others.
     Nothing,
-    /// Tests of a tree of its own: they tell what its tasks cost, and cannot be compared with another device's.
+    /// Tests of a tree of its own: they tell what its tasks cost, and can be compared with those of devices of the same
+    /// backend alone.
     OwnTree,
     /// Tests of the scene's own tree ([`Scene::nodes`](crate::Scene::nodes)), as [`TestCounts`](crate::TestCounts)
     /// says: the same numbers on every such device.
     SceneTree,
+    /// As [`Counted::OwnTree`], which is cheaper, or as [`Counted::SceneTree`], if a stream asks for that
+    /// ([`CountedTree`]).
+    EitherTree,
 }
 
 impl Capabilities {
     /// Everything may be asked, counts and roundings are the device's own, and the host makes the rays.
     pub const UNKNOWN: Self =
-        Self { reduced: 0b1111, precisions: 0b111, counts: Counted::OwnTree, defined_bits: false, makes_rays: false };
+        Self { reduced: 0b11, precisions: 0b111, counts: Counted::OwnTree, defined_bits: false, makes_rays: false };
 
     /// The same with these reduced walks and no others.
     #[must_use]
@@ -145,7 +149,18 @@ impl Capabilities {
     /// Whether it can trace such a stream.
     #[must_use]
     pub fn can_trace(&self, spec: StreamSpec) -> bool {
-        self.has_precision(spec.precision) && !(spec.counts && self.counts == Counted::Nothing)
+        let counts = match (self.counts, spec.counted) {
+            (Counted::Nothing, _) => false,
+            (Counted::OwnTree, counted) => counted == CountedTree::Own,
+            (Counted::SceneTree | Counted::EitherTree, _) => true,
+        };
+        self.has_precision(spec.precision) && (counts || !spec.counts)
+    }
+
+    /// Whether it can count tests of the scene's tree.
+    #[must_use]
+    pub const fn counts_scene_tree(&self) -> bool {
+        matches!(self.counts, Counted::SceneTree | Counted::EitherTree)
     }
 
     /// What it counts.
@@ -199,6 +214,16 @@ mod tests {
         assert!(!nothing.has_walk(Walk::Full) && !nothing.has_walk(Walk::Reduced(ReducedWalk::LeafAsHit)));
         let counted = StreamSpec { counts: true, ..StreamSpec::default() };
         assert!(nothing.can_trace(StreamSpec::default()) && !nothing.can_trace(counted));
+        let scene = StreamSpec { counted: CountedTree::Scene, ..counted };
+        for (counts, can) in [
+            (Counted::Nothing, false),
+            (Counted::OwnTree, false),
+            (Counted::SceneTree, true),
+            (Counted::EitherTree, true),
+        ] {
+            let device = Capabilities::UNKNOWN.with_counts(counts);
+            assert_eq!((device.can_trace(scene), device.counts_scene_tree()), (can, can));
+        }
         for precision in Precision::ALL {
             let one = Capabilities::UNKNOWN.with_precisions(&[precision]);
             for other in Precision::ALL {

@@ -43,8 +43,8 @@ pub use cost::{
     TaskOutcome, Work,
 };
 pub use device::{
-    Clock, Coherence, Device, DeviceError, DeviceErrorKind, Launch, RaySource, Span, StreamSpec, Ticket, Tracer,
-    Traffic,
+    Clock, Coherence, CountedTree, Device, DeviceError, DeviceErrorKind, Launch, RaySource, Span, StreamSpec, Ticket,
+    Tracer, Traffic,
 };
 pub use info::{Capabilities, Counted, DeviceInfo};
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};

@@ -241,7 +241,7 @@ pub enum Walk {
 }
 
 /// What a reduced traversal does where a triangle would have shortened the ray. The paper does not say which it
-/// meant: the first two are readings of it, the others buy accuracy with memory or save steps.
+/// meant: these are its two readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ReducedWalk {
     /// A leaf entered counts as the hit: the ray is cut where it enters the leaf's box.
@@ -249,15 +249,9 @@ pub enum ReducedWalk {
     LeafAsHit,
     /// The ray is never shortened: every leaf it passes is counted.
     Unshortened,
-    /// A leaf is a plane that covers part of its box (16 bytes a leaf): the ray is cut where it meets the plane, as
-    /// often as the leaf's triangles would be met. Not on every device.
-    LeafPlane,
-    /// Only the top of the tree is walked; what hangs below counts as much as it did on average for rays that were
-    /// traced to find out. Not on every device.
-    Truncated,
 }
 
 impl ReducedWalk {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::LeafAsHit, Self::Unshortened, Self::LeafPlane, Self::Truncated];
+    pub const ALL: [Self; 2] = [Self::LeafAsHit, Self::Unshortened];
 }

@@ -152,16 +152,12 @@ fn no_rays() -> RaySource {
 }
 
 /// What is asked of the rays of a walk over a stream of `spec`.
-fn how_to(walk: Walk, spec: StreamSpec) -> Result<How, DeviceError> {
+const fn how_to(walk: Walk, spec: StreamSpec) -> How {
     match walk {
         // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-        Walk::Full => Ok(How::Trace(StreamSpec { counts: true, ..spec })),
-        Walk::Reduced(kind @ ReducedWalk::LeafAsHit) => Ok(How::Reduced(kind, Purpose::LeafAsHit)),
-        Walk::Reduced(kind @ ReducedWalk::Unshortened) => Ok(How::Reduced(kind, Purpose::Unshortened)),
-        Walk::Reduced(ReducedWalk::LeafPlane | ReducedWalk::Truncated) => Err(DeviceError::new(
-            DeviceErrorKind::Unsupported,
-            "GPUs have no kernel for this reduced walk: choose leaf-as-hit or unshortened, or add a CPU device",
-        )),
+        Walk::Full => How::Trace(StreamSpec { counts: true, ..spec }),
+        Walk::Reduced(kind @ ReducedWalk::LeafAsHit) => How::Reduced(kind, Purpose::LeafAsHit),
+        Walk::Reduced(kind @ ReducedWalk::Unshortened) => How::Reduced(kind, Purpose::Unshortened),
     }
 }
 
@@ -175,7 +171,7 @@ impl<A: GpuApi> Tracer for GpuTracer<A> {
             RaySource::Bounce(_) => self.api.makes(Purpose::Bounce),
             RaySource::Explicit { .. } => false,
         };
-        let walk = walk.and_then(|walk| how_to(walk, spec).ok());
+        let walk = walk.map(|walk| how_to(walk, spec));
         for how in [Some(How::Trace(spec)), walk].into_iter().flatten() {
             // Whoever uses the kernel is told what is wrong.
             let _ = self.api.warm_up(how.purpose());
@@ -203,7 +199,7 @@ impl<A: GpuApi> Tracer for GpuTracer<A> {
         hits: Option<&mut [Hit]>,
     ) -> Result<Span, DeviceError> {
         check_walk(rays, counts, hits.as_deref(), self.source.len())?;
-        let how = how_to(walk, self.spec)?;
+        let how = how_to(walk, self.spec);
         let start = (self.clock)();
         let mut sorter = Sorter::new(self.api.window());
         sorter.rays(rays);

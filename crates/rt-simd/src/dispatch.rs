@@ -28,50 +28,67 @@ pub(crate) struct Batch<'a> {
     pub(crate) hits: &'a mut [Hit],
 }
 
+/// What is compiled for each set of instructions, in a function of its own: what is changed for one kind of work must not
+/// change how another is compiled.
+pub(crate) trait Work {
+    /// Does it. To be inlined, so that it is compiled for the instructions of its caller.
+    fn run<L: Level>(self, level: L);
+}
+
 impl Found {
     /// Traces a batch.
-    pub(crate) fn run(self, batch: Batch<'_>) {
+    pub(crate) fn trace(self, batch: Batch<'_>) {
         match batch.query {
-            Query::Closest => self.run_for::<false>(batch),
-            Query::Any => self.run_for::<true>(batch),
+            Query::Closest => self.run(Tracing::<false>(batch)),
+            Query::Any => self.run(Tracing::<true>(batch)),
         }
     }
 
-    fn run_for<const ANY: bool>(self, batch: Batch<'_>) {
+    /// Does something with these instructions.
+    pub(crate) fn run<W: Work>(self, work: W) {
         match self {
-            Self::Portable(level) => run_portable::<ANY>(level, batch),
+            Self::Portable(level) => run_portable(level, work),
             // SAFETY: the proof says that the processor has what the function is compiled for.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx2(level) => unsafe { run_avx2::<ANY>(level, batch) },
+            Self::Avx2(level) => unsafe { run_avx2(level, work) },
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512(level) => unsafe { run_avx512::<ANY>(level, batch) },
+            Self::Avx512(level) => unsafe { run_avx512(level, work) },
         }
     }
 }
 
-// A function for each query: what is changed for one of them must not change how the other is compiled.
 #[inline(never)]
-fn run_portable<const ANY: bool>(level: Portable, batch: Batch<'_>) {
-    batch.trace::<_, ANY>(level);
+fn run_portable<W: Work>(level: Portable, work: W) {
+    work.run(level);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx2<const ANY: bool>(level: Avx2, batch: Batch<'_>) {
-    batch.trace::<_, ANY>(level);
+fn run_avx2<W: Work>(level: Avx2, work: W) {
+    work.run(level);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[inline(never)]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-fn run_avx512<const ANY: bool>(level: Avx512, batch: Batch<'_>) {
-    batch.trace::<_, ANY>(level);
+fn run_avx512<W: Work>(level: Avx512, work: W) {
+    work.run(level);
+}
+
+/// A batch, by its query.
+struct Tracing<'a, const ANY: bool>(Batch<'a>);
+
+impl<const ANY: bool> Work for Tracing<'_, ANY> {
+    // Inlined, as all below, so that it is compiled for the instructions of its caller.
+    #[inline(always)]
+    fn run<L: Level>(self, level: L) {
+        self.0.trace::<L, ANY>(level);
+    }
 }
 
 impl Batch<'_> {
-    // Inlined, as all below, so that it is compiled for the instructions of its caller.
     #[inline(always)]
     fn trace<L: Level, const ANY: bool>(self, level: L) {
         let Self { tree, frame, packet, few, query, mut excluded, .. } = self;

@@ -2,7 +2,22 @@
 //!
 //! [`Kernel`] finds hits of rays in a [`rt_bvh::BlockTree`]: nearest or any, those of [`rt_bvh::trace()`] bit for bit,
 //! by packets of 64 rays in words of AVX-512, AVX2 or whatever the target has. Where the caller does not say whether
-//! neighbours go alike, it looks; and it counts nothing, since what a packet visits depends on a ray's company.
+//! neighbours go alike, it looks. [`Kernel::count`] finds what rays cost as well, or alone.
+//!
+//! # What is counted
+//!
+//! A ray's counts are those of a walk that it makes alone, whatever its company; so they are the same numbers with any
+//! instructions, in any packet and on any thread.
+//!
+//! * It walks depth first. Children of a node come in the order that [`rt_bvh::BlockNode::orders`] has for the octant
+//!   of its direction, and in the order of slots where any hit will do.
+//! * A child is visited if the ray enters its box when the parent is visited, and at a distance that is not beyond the
+//!   ray's limit when the child's turn comes. The limit is that of the ray, or its nearest hit so far. Every valid ray
+//!   visits the root.
+//! * A visited node costs eight box tests, whatever is in its slots. A visited block costs as many triangle tests as it
+//!   holds triangles; the nearest of those that a ray hits there ends it, where any hit will do.
+//! * Reduced walks do not look at blocks: those of a node that the ray enters when the node is visited are counted
+//!   there and then. If leaves are taken for hits, the nearest of these boxes becomes the ray's limit.
 //!
 //! # Current state and limits
 //!
@@ -12,6 +27,7 @@
 #![deny(unsafe_code)]
 
 mod alone;
+mod counted;
 mod dispatch;
 mod frustum;
 mod isa;
@@ -27,13 +43,14 @@ mod triangles;
 
 pub use isa::{Isa, UnknownIsa};
 
+use counted::{CountBatch, Counter};
 use dispatch::Batch;
 use isa::Found;
 use order::{Sorted, WINDOW};
 use packet::Packet;
 use rays::Frame;
 use rt_bvh::BlockTree;
-use rt_core::{Coherence, Hit, Query, Ray};
+use rt_core::{Coherence, Hit, Query, Ray, TestCounts, Walk};
 use stack::Stack;
 
 /// The kernels for one set of instructions.
@@ -45,11 +62,20 @@ pub struct Kernel(Found);
 pub struct Scratch {
     packet: Box<Packet>,
     sorted: Sorted,
+    counting: Option<Box<Counting>>,
+}
+
+/// What counting needs beside that.
+#[derive(Clone, Debug)]
+struct Counting {
+    counter: Counter,
+    /// Of sorted rays.
+    counts: Vec<TestCounts>,
 }
 
 impl Default for Scratch {
     fn default() -> Self {
-        Self { packet: Box::new(Packet::new()), sorted: Sorted::new() }
+        Self { packet: Box::new(Packet::new()), sorted: Sorted::new(), counting: None }
     }
 }
 
@@ -109,27 +135,95 @@ impl Kernel {
         // Builders keep trees far below that.
         assert!(tree.depth() <= Stack::DEPTH, "the tree is deeper than any scene's");
         let frame = Frame::of(tree);
-        let Scratch { packet, sorted } = scratch;
+        let Scratch { packet, sorted, .. } = scratch;
         for (rays, hits) in rays.chunks(WINDOW).zip(hits.chunks_mut(WINDOW)) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let batch = Batch { tree, frame: &frame, packet, query, few, rays, excluded: own, hits };
-            let sort = match coherence {
-                Coherence::Unknown => order::pays(rays),
-                Coherence::Coherent => false,
-                Coherence::Incoherent => true,
-            };
-            if sort {
+            if order::are_to_be_sorted(coherence, rays) {
                 sorted.take(rays, own);
-                self.0.run(Batch {
+                self.0.trace(Batch {
                     rays: &sorted.rays[..rays.len()],
                     excluded: &sorted.excluded[..own.len()],
                     hits: &mut sorted.hits[..rays.len()],
                     ..batch
                 });
-                sorted.give(hits);
+                sorted.give(&sorted.hits, hits);
             } else {
-                self.0.run(batch);
+                self.0.trace(batch);
+            }
+        }
+    }
+
+    /// Walks rays and writes the tests of each (as the crate's documentation says), and of full walks its hit: of
+    /// [`Query::Closest`] that of [`Kernel::trace`]. Hits and counts do not depend on a ray's company, on the
+    /// instructions or on what is said of `coherence`.
+    ///
+    /// # Panics
+    /// When `counts` or `hits` are not as long as `rays`, or `excluded` neither that nor empty.
+    #[expect(clippy::too_many_arguments, reason = "a ray's parts and results, each in an array of its own")]
+    pub fn count(
+        self,
+        tree: &BlockTree,
+        scratch: &mut Scratch,
+        walk: Walk,
+        how: (Query, Coherence),
+        rays: &[Ray],
+        excluded: &[u32],
+        counts: &mut [TestCounts],
+        hits: &mut [Hit],
+    ) {
+        self.count_in(FEW, tree, scratch, walk, how, (rays, excluded, counts, hits));
+    }
+
+    /// [`Kernel::count`] with all choices.
+    fn count_in(
+        self,
+        few: u32,
+        tree: &BlockTree,
+        scratch: &mut Scratch,
+        walk: Walk,
+        (query, coherence): (Query, Coherence),
+        (rays, mut excluded, counts, hits): (&[Ray], &[u32], &mut [TestCounts], &mut [Hit]),
+    ) {
+        assert!(rays.len() == hits.len() && rays.len() == counts.len(), "a hit and counts for each ray");
+        assert!(excluded.is_empty() || excluded.len() == rays.len(), "a primitive for each ray, or none");
+        assert!(tree.depth() <= Stack::DEPTH, "the tree is deeper than any scene's");
+        let frame = Frame::of(tree);
+        let Scratch { sorted, counting, .. } = scratch;
+        let Counting { counter, counts: sorted_counts } = &mut **counting.get_or_insert_with(|| {
+            Box::new(Counting { counter: Counter::new(), counts: vec![TestCounts::default(); WINDOW] })
+        });
+        let results = counts.chunks_mut(WINDOW).zip(hits.chunks_mut(WINDOW));
+        for (rays, (counts, hits)) in rays.chunks(WINDOW).zip(results) {
+            let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
+            excluded = others;
+            if order::are_to_be_sorted(coherence, rays) {
+                sorted.take(rays, own);
+                let sorted_counts = &mut sorted_counts[..rays.len()];
+                counted::run(
+                    self.0,
+                    CountBatch {
+                        tree,
+                        frame: &frame,
+                        counter,
+                        walk,
+                        query,
+                        few,
+                        rays: &sorted.rays[..rays.len()],
+                        excluded: &sorted.excluded[..own.len()],
+                        counts: &mut *sorted_counts,
+                        hits: &mut sorted.hits[..rays.len()],
+                    },
+                );
+                sorted.give(sorted_counts, counts);
+                sorted.give(&sorted.hits, hits);
+            } else {
+                let frame = &frame;
+                counted::run(
+                    self.0,
+                    CountBatch { tree, frame, counter, walk, query, few, rays, excluded: own, counts, hits },
+                );
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::lanes::LANES;
 use crate::packet::RAYS;
 use rt_bvh::BlockNode;
 use rt_core::intersect::shear_axes;
-use rt_core::{Hit, Ray};
+use rt_core::{Coherence, Hit, Ray};
 
 /// Rays that are sorted together: a task of 32 × 32 pixels.
 pub(crate) const WINDOW: usize = 1024;
@@ -22,13 +22,22 @@ const STEP: usize = LANES;
 /// Whether so few neighbours go alike that sorting pays: more than two of a packet's four bins differ on average. Of
 /// camera rays and shadow rays towards the sun hardly any do, of diffuse rays nearly all. A wrong guess costs less than
 /// half the speed. Measured: looking at every packet waits for memory, 8% of the time of the fastest rays.
-pub(crate) fn pays(rays: &[Ray]) -> bool {
+fn pays(rays: &[Ray]) -> bool {
     let (mut packets, mut bins) = (0, 0);
     for packet in rays.chunks_exact(RAYS).step_by(STRIDE) {
         packets += 1;
         bins += packet.iter().step_by(STEP).fold(0_u32, |bins, ray| bins | 1 << bin_of(ray)).count_ones();
     }
     bins > 2 * packets
+}
+
+/// Whether rays of which this is said are to be sorted.
+pub(crate) fn are_to_be_sorted(coherence: Coherence, rays: &[Ray]) -> bool {
+    match coherence {
+        Coherence::Unknown => pays(rays),
+        Coherence::Coherent => false,
+        Coherence::Incoherent => true,
+    }
 }
 
 /// Octants times dominant axes.
@@ -76,10 +85,10 @@ impl Sorted {
         }
     }
 
-    /// Puts hits where their rays came from.
-    pub(crate) fn give(&self, hits: &mut [Hit]) {
-        for (hit, &i) in self.hits.iter().zip(&self.order[..hits.len()]) {
-            hits[usize::from(i)] = *hit;
+    /// Puts what belongs to the rays in order where they came from.
+    pub(crate) fn give<T: Copy>(&self, sorted: &[T], to: &mut [T]) {
+        for (&one, &i) in sorted.iter().zip(&self.order[..to.len()]) {
+            to[usize::from(i)] = one;
         }
     }
 }

@@ -113,7 +113,7 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
 
 /// The reference test; whether the triangle is the best hit so far, which is noted.
 #[inline(always)]
-fn meets(shear: &Shear, group: &mut Group, lane: usize, given: &Ray, block: &Block, place: usize) -> bool {
+pub(crate) fn meets(shear: &Shear, group: &mut Group, lane: usize, given: &Ray, block: &Block, place: usize) -> bool {
     let id = block.id(place);
     if group.excluded.0[lane].to_bits() == id {
         return false;

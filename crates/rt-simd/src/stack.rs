@@ -59,6 +59,12 @@ impl Stack {
         (self.entries[top], self.children[top], self.rays[top])
     }
 
+    /// The uppermost children, as many as there must be.
+    #[inline(always)]
+    pub(crate) fn next(&self, count: usize) -> &[u32] {
+        &self.children[self.used.saturating_sub(count)..self.used.min(ENTRIES)]
+    }
+
     /// Where the next eight distances and children go, of which [`Stack::grow`] keeps some.
     #[inline(always)]
     pub(crate) fn room(&mut self) -> (&mut [f32; 8], &mut [u32; 8]) {

@@ -9,16 +9,16 @@ use rt_verify::shapes;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-fn kernels() -> Vec<Kernel> {
+pub(crate) fn kernels() -> Vec<Kernel> {
     Isa::available().into_iter().filter_map(Kernel::new).collect()
 }
 
 /// For comparing bits, so that a NaN or a −0 shows.
-fn bits(hit: &Hit) -> [u32; 4] {
+pub(crate) fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive]
 }
 
-fn scene_of(triangles: &[Triangle]) -> Arc<Scene> {
+pub(crate) fn scene_of(triangles: &[Triangle]) -> Arc<Scene> {
     let positions: Vec<Vec3> = triangles.iter().flat_map(|t| t.vertices()).collect();
     let indices: Vec<_> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let options = BuildOptions { invalid: InvalidTriangles::Drop, ..BuildOptions::default() };
@@ -26,7 +26,7 @@ fn scene_of(triangles: &[Triangle]) -> Arc<Scene> {
 }
 
 /// Hits of single rays over the two-wide tree.
-fn expected(scene: &Scene, query: Query, rays: &[Ray], excluded: &[u32]) -> Vec<Hit> {
+pub(crate) fn expected(scene: &Scene, query: Query, rays: &[Ray], excluded: &[u32]) -> Vec<Hit> {
     let spec = StreamSpec { query, precision: Precision::Robust, ..StreamSpec::default() };
     let mut hits = Vec::with_capacity(rays.len());
     let none = std::iter::repeat(&u32::MAX);
@@ -104,7 +104,7 @@ fn assert_alike(triangles: &[Triangle], rays: &[Ray], excluded: &[u32], name: &s
 }
 
 /// Rays of every kind that is known to break traversals, aimed at vertices, edges and insides of triangles.
-fn hard_rays(triangles: &[Triangle], count: u32, seed: u32) -> Vec<Ray> {
+pub(crate) fn hard_rays(triangles: &[Triangle], count: u32, seed: u32) -> Vec<Ray> {
     let bounds = triangles.iter().fold(rt_core::Aabb::EMPTY, |all, t| all.union(t.bounds()));
     let (middle, size) = (bounds.min * 0.5 + bounds.max * 0.5, bounds.max * 0.5 - bounds.min * 0.5);
     let point = |i: u32, d: u32| {
@@ -165,7 +165,7 @@ fn hard_rays(triangles: &[Triangle], count: u32, seed: u32) -> Vec<Ray> {
         .collect()
 }
 
-fn scaled(triangles: &[Triangle], exponent: i32) -> Vec<Triangle> {
+pub(crate) fn scaled(triangles: &[Triangle], exponent: i32) -> Vec<Triangle> {
     let factor = libm::ldexpf(1.0, exponent);
     triangles.iter().map(|t| t.scaled(factor)).collect()
 }

@@ -19,7 +19,9 @@ use options::{Device as Chosen, Options};
 use rt_balance::clock;
 use rt_balance::stats::median;
 use rt_bvh::{Builder, PlocQuality};
-use rt_core::{Device, Hit, RaySource, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of};
+use rt_core::{
+    Device, Hit, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec, Task, TestCounts, Tracer, Walk, tasks_of,
+};
 use rt_report::print::Stdout;
 use rt_report::{Provenance, exit};
 use rt_sched::metrics::EstimateErrors;
@@ -59,15 +61,16 @@ fn run() -> Result<(), Box<dyn Error>> {
     )?;
     writeln!(
         Stdout,
-        "Price of a sampled ray in traced ones, medians of {} interleaved repetitions; in brackets the whole sample in % of \
-         the trace. Before it, the price of tracing all rays as single ones. Error per task in %.\n",
+        "Price of a sampled ray in traced ones, medians of {} interleaved repetitions; in brackets the whole sample in % \
+         of the trace. Before it, the prices of tracing all rays as single ones over the two-wide tree, of counting \
+         them all exactly, and of the paper's reduced walk of all. Error per task in %.\n",
         options.common.repeat
     )?;
-    write!(Stdout, "| scene | rays | traced Mray/s | as single rays | sampled |")?;
+    write!(Stdout, "| scene | rays | traced Mray/s | as single rays | counted | reduced | sampled |")?;
     Way::ALL.iter().try_for_each(|(_, name)| write!(Stdout, " {name} |"))?;
     writeln!(
         Stdout,
-        " error scattered | error whole packets |\n|---|---|---|---|---|{}---|---|",
+        " error scattered | error whole packets |\n|---|---|---|---|---|---|---|{}---|---|",
         "---|".repeat(Way::ALL.len())
     )?;
     for name in &options.common.scenes {
@@ -114,6 +117,9 @@ fn row(
     subject.tracer.load_rays(source.clone(), StreamSpec::default())?;
     let exact = exact(&mut *subject.tracer, source.len())?;
     let (mut traced, mut alone) = (Vec::new(), Vec::new());
+    let every: Vec<u32> = (0..source.len()).collect();
+    let walks = [Walk::Full, Walk::Reduced(ReducedWalk::LeafAsHit)];
+    let mut of_all = walks.map(|_| Vec::new());
     let mut prices = [const { Vec::new() }; Way::ALL.len()];
     // The first repetition fills caches and is not counted.
     for run in 0..=repeat {
@@ -124,6 +130,12 @@ fn row(
                 && run > 0
             {
                 prices.push(seconds / rays as f64 / full);
+            }
+        }
+        for (prices, walk) in of_all.iter_mut().zip(walks) {
+            let price = subject.walk(&every, walk)? / f64::from(source.len()) / full;
+            if run > 0 {
+                prices.push(price);
             }
         }
         if run > 0 {
@@ -139,6 +151,7 @@ fn row(
         true => write!(Stdout, " – |")?,
         false => write!(Stdout, " {:.2} |", median(&alone))?,
     }
+    of_all.iter().try_for_each(|prices| write!(Stdout, " {:.2} |", median(prices)))?;
     write!(Stdout, " 1/{:.0} |", 1.0 / fraction.value())?;
     for prices in prices {
         match prices.is_empty() {

@@ -16,7 +16,7 @@ const PACKET: u32 = 16;
 /// How a sample is walked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Way {
-    /// Scattered rays, each on its own: single rays on this thread. Processors only.
+    /// Scattered rays, each on its own over the two-wide tree: single rays on this thread. Processors only.
     Alone,
     /// Scattered rays, gathered into packets, or one to each lane of a graphics card.
     Compacted,
@@ -126,11 +126,11 @@ impl Subject {
         })
     }
 
-    /// Seconds for a walk of some rays with exact counts, hits kept.
-    fn walk(&mut self, rays: &[u32]) -> Result<f64, Box<dyn Error>> {
+    /// Seconds for a walk of some rays with counts, hits kept.
+    pub(crate) fn walk(&mut self, rays: &[u32], walk: Walk) -> Result<f64, Box<dyn Error>> {
         let (mut counts, mut hits) = (vec![TestCounts::default(); rays.len()], vec![Hit::MISS; rays.len()]);
         let tracer = &mut self.tracer;
-        timed(self.is_processor, || Ok(tracer.walk(rays, Walk::Full, &mut counts, Some(&mut hits))?))
+        timed(self.is_processor, || Ok(tracer.walk(rays, walk, &mut counts, Some(&mut hits))?))
     }
 
     /// Seconds and rays of one way to walk a sample of the loaded rays; `None` where the device lacks the way. The
@@ -149,11 +149,11 @@ impl Subject {
                 let spec = StreamSpec { counts: true, ..spec };
                 self.trace_alone(source, sample.scattered.iter().copied(), spec)?
             }
-            Way::Compacted => self.walk(&sample.scattered)?,
-            Way::WholePackets => self.walk(&sample.packets)?,
+            Way::Compacted => self.walk(&sample.scattered, Walk::Full)?,
+            Way::WholePackets => self.walk(&sample.packets, Walk::Full)?,
             Way::MaskedLanes => {
                 self.tracer.load_rays(sample.masked.clone(), spec)?;
-                let seconds = self.walk(&sample.every);
+                let seconds = self.walk(&sample.every, Walk::Full);
                 self.tracer.load_rays(source.clone(), spec)?;
                 seconds?
             }

@@ -5,8 +5,8 @@ use rt_balance::estimators::{Sampled, Uniform};
 use rt_balance::middleware::{Fault, Faulty};
 use rt_balance::report::StreamRun;
 use rt_balance::{
-    BalanceError, Balancer, Control, Device, Hit, Limits, QueueKind, RaySource, Scene, Scheduling, Stream, StreamKind,
-    StreamSpec, TestCounts, Walk,
+    BalanceError, Balancer, Control, CountedTree, Device, Hit, Limits, QueueKind, RaySource, Scene, Scheduling, Stream,
+    StreamKind, StreamSpec, TestCounts, Walk,
 };
 use rt_bvh::Builder;
 use rt_sched::sample::Fraction;
@@ -39,7 +39,7 @@ pub(crate) fn fixture() -> &'static Fixture {
         let triangles = [shapes::grid(24, 0.2, 1), shapes::soup(300, 0.2, 2)].concat();
         let rays = RayMaker::new(&triangles, 5).mixed(3_001);
         let scene = tree::build(&triangles, Builder::Sah).expect("a scene");
-        let spec = StreamSpec { counts: true, ..StreamSpec::default() };
+        let spec = StreamSpec { counts: true, counted: CountedTree::Scene, ..StreamSpec::default() };
         let (hits, counts) = tree::trace(&scene, spec, &rays);
         let (rays, origins): (Vec<_>, Vec<_>) = rays.into_iter().unzip();
         let source = RaySource::Explicit { rays: rays.into(), origins: Some(origins.into()) };

@@ -12,10 +12,6 @@
 //! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
 pub mod kernel_io;
-mod lanes;
-mod packet;
-mod packets;
-mod reduced;
 mod slabs;
 mod stack;
 mod triangle;
@@ -23,10 +19,6 @@ mod visitor;
 mod walk;
 mod wide;
 
-#[cfg(target_arch = "x86_64")]
-pub use packets::walk_packets_avx2;
-pub use packets::{PacketWalk, walk_packets};
-pub use reduced::ReducedTree;
 pub use stack::Stack;
 
 use crate::wide::WideTree;
@@ -63,8 +55,7 @@ where
 ///
 /// A visited node costs two box tests, one where a child is absent; a leaf costs as many triangle tests as it holds
 /// triangles. [`Walk::Full`] finds the nearest hit as well: its counts and hits are those of [`trace`]. Reduced walks
-/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them. Those that need a
-/// [`ReducedTree`] make one for this call: who walks more than once keeps one and uses [`ReducedTree::count`].
+/// touch no triangle and always report [`Hit::MISS`]; `precision` means nothing to them.
 pub fn count<R, S>(scene: &Scene, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -74,8 +65,7 @@ where
 }
 
 /// [`count`] over the wide layout: a visited node costs eight box tests, whatever is in its slots. Where leaves are
-/// taken for hits, those of one node are entered at once, and the nearest one cuts the ray. [`ReducedWalk::LeafPlane`]
-/// and [`ReducedWalk::Truncated`] walk the two-wide tree.
+/// taken for hits, those of one node are entered at once, and the nearest one cuts the ray.
 pub fn count_wide<R, S>(tree: &WideTree, stack: &mut Stack, walk: Walk, precision: Precision, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -86,25 +76,18 @@ where
 
 /// A tree that visitors can be sent through.
 trait Layout {
-    /// What it holds, with its two-wide tree.
-    fn scene(&self) -> &Scene;
-
     /// Walks every ray with a visitor of its own.
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a, Data = Scene>,
+        V: Visitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts);
 }
 
 impl Layout for Scene {
-    fn scene(&self) -> &Scene {
-        self
-    }
-
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a, Data = Scene>,
+        V: Visitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -113,13 +96,9 @@ impl Layout for Scene {
 }
 
 impl Layout for WideTree {
-    fn scene(&self) -> &Scene {
-        self.scene()
-    }
-
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a, Data = Scene>,
+        V: Visitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -154,12 +133,6 @@ where
         }
         Walk::Reduced(ReducedWalk::LeafAsHit) => layout.each::<Reduced<true>, R, S>(stack, rays, sink),
         Walk::Reduced(ReducedWalk::Unshortened) => layout.each::<Reduced<false>, R, S>(stack, rays, sink),
-        Walk::Reduced(ReducedWalk::LeafPlane) => {
-            ReducedTree::with_planes(layout.scene()).count(layout.scene(), stack, rays, sink);
-        }
-        Walk::Reduced(ReducedWalk::Truncated) => {
-            ReducedTree::truncated(layout.scene()).count(layout.scene(), stack, rays, sink);
-        }
     }
 }
 

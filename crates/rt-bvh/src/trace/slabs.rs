@@ -172,12 +172,6 @@ impl Slabs {
         self.tmin
     }
 
-    /// The origin as lower planes of boxes see it, and as upper planes do.
-    pub(super) fn origins(&self) -> [Vec3; 2] {
-        let [a, b, _] = self.origin;
-        [a.xyz(), Vec3::new(a.w, b.x, b.y)]
-    }
-
     /// One over the direction, as the box test uses it.
     pub(super) fn reciprocal(&self) -> Vec3 {
         self.reciprocal[0].xyz()

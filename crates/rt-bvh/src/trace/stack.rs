@@ -1,6 +1,5 @@
 //! What traversals leave behind to visit later: one stack for all loops, so that a thread needs one only.
 
-use super::lanes::{LANES, Lanes, Numbers};
 use crate::wide::WideTree;
 use alloc::vec::Vec;
 use rt_core::Scene;
@@ -11,8 +10,6 @@ pub struct Stack {
     pub(super) entries: Vec<Pending>,
     /// The same for wide trees.
     pub(super) node_groups: Vec<NodeGroup>,
-    /// The same for packets of rays.
-    pub(super) ray_groups: Vec<RayGroup>,
 }
 
 /// A child whose box was entered.
@@ -44,15 +41,6 @@ impl Stack {
         }
     }
 
-    pub(super) fn fit_packets(&mut self, scene: &Scene) {
-        self.fit(scene);
-        // Each inner node on the path from the root leaves both children behind at most.
-        let depth = 2 * scene.depth() as usize;
-        if self.ray_groups.len() < depth {
-            self.ray_groups.resize(depth, RayGroup::EMPTY);
-        }
-    }
-
     pub(super) fn fit_wide(&mut self, tree: &WideTree) {
         self.fit(tree.scene());
         // Each node on the path from the root leaves at most one group behind, and the last one none.
@@ -69,18 +57,4 @@ impl Stack {
 pub(super) struct NodeGroup {
     pub(super) first: u32,
     pub(super) bits: u32,
-}
-
-/// Rays that enter one child, and where.
-#[derive(Clone, Copy, Debug)]
-#[repr(align(64))]
-pub(super) struct RayGroup {
-    pub(super) entry: Numbers,
-    pub(super) child: u32,
-    pub(super) count: u32,
-    pub(super) rays: Lanes,
-}
-
-impl RayGroup {
-    pub(super) const EMPTY: Self = Self { entry: [0.0; LANES], child: 0, count: 0, rays: 0 };
 }

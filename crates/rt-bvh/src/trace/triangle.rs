@@ -51,25 +51,20 @@ pub(super) trait TriangleTest {
         }
         ControlFlow::Continue(())
     }
-
-    /// The filter in front of the test, for packets.
-    fn filter(&self) -> Option<Filter> {
-        None
-    }
 }
 
 /// One ray's numbers of the single-precision filter.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Filter {
-    pub(super) origin: Vec3,
+struct Filter {
+    origin: Vec3,
     /// The direction's dominant axis.
-    pub(super) dominant: usize,
+    dominant: usize,
     /// Shear factors, in single precision.
-    pub(super) shear: [f32; 2],
+    shear: [f32; 2],
     /// 18·u·m, or ∞.
-    pub(super) error: f32,
+    error: f32,
     /// 5·u·m.
-    pub(super) floor: f32,
+    floor: f32,
 }
 
 /// The test that decides, for every triangle.
@@ -140,11 +135,6 @@ impl TriangleTest for Robust {
     #[inline]
     fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
         self.exact.resolve(met, triangle, limits, primitive)
-    }
-
-    #[inline]
-    fn filter(&self) -> Option<Filter> {
-        Some(self.filter)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The visitors: what a traversal is for.
 
 use super::slabs::LocalRay;
-use super::triangle::{Filter, TriangleTest};
+use super::triangle::TriangleTest;
 use super::walk::Visitor;
 use core::ops::ControlFlow;
 use rt_core::intersect::Intersection;
@@ -45,17 +45,7 @@ impl Found<'_> {
     }
 }
 
-impl<T, const ANY: bool, const COUNT: bool> Nearest<'_, T, ANY, COUNT> {
-    /// The tests so far.
-    pub(super) const fn counts(&self) -> TestCounts {
-        self.counts
-    }
-}
-
 impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Nearest<'a, T, ANY, COUNT> {
-    type Data = Scene;
-    const COUNTS: bool = COUNT;
-
     #[inline]
     fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
         let (test, limit) = (T::new(&ray), ray.local_limit(ray.given.tmax));
@@ -98,29 +88,6 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
     }
 
     #[inline]
-    fn filter(&self) -> Option<Filter> {
-        self.test.filter()
-    }
-
-    #[inline]
-    fn triangle(&mut self, slot: u32) -> ControlFlow<()> {
-        let Self { test, found, .. } = self;
-        let slot = slot as usize;
-        let intersection = test.intersect(&found.scene.triangles()[slot]);
-        if intersection.is_some_and(|met| found.meet(test, slot, &met)) && ANY {
-            return ControlFlow::Break(());
-        }
-        ControlFlow::Continue(())
-    }
-
-    #[inline(always)]
-    fn triangles(&mut self, count: u32) {
-        if COUNT {
-            self.counts.triangles += count;
-        }
-    }
-
-    #[inline]
     fn finish(self) -> (Hit, TestCounts) {
         (self.found.best, self.counts)
     }
@@ -134,9 +101,6 @@ pub(super) struct Reduced<const CUT: bool> {
 }
 
 impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
-    type Data = Scene;
-    const COUNTS: bool = true;
-
     #[inline]
     fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
         Self { limit: ray.local_limit(ray.given.tmax), ray, counts: TestCounts::default() }

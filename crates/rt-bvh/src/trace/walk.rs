@@ -2,20 +2,13 @@
 
 use super::slabs::{Frame, LocalRay};
 use super::stack::{Pending, Stack};
-use super::triangle::Filter;
 use core::ops::ControlFlow;
 use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 
 /// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
 pub(super) trait Visitor<'a>: Sized {
-    /// What it reads in leaves.
-    type Data: ?Sized;
-
-    /// Whether it wants to know of box tests.
-    const COUNTS: bool;
-
     /// Begins a ray that must not hit the primitive `excluded`.
-    fn begin(data: &'a Self::Data, ray: LocalRay, excluded: u32) -> Self;
+    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
 
     /// The ray.
     fn ray(&self) -> &LocalRay;
@@ -30,56 +23,25 @@ pub(super) trait Visitor<'a>: Sized {
     /// `Break` ends the ray.
     fn leaf(&mut self, entry: f32, first: u32, count: u32) -> ControlFlow<()>;
 
-    /// What lets a packet pass by triangles that the ray certainly misses; without it every leaf goes to
-    /// [`Visitor::leaf`].
-    fn filter(&self) -> Option<Filter> {
-        None
-    }
-
-    /// Tests one triangle of a leaf, not counting it. Asked only of visitors with a filter.
-    fn triangle(&mut self, _slot: u32) -> ControlFlow<()> {
-        ControlFlow::Continue(())
-    }
-
-    /// So many triangles were tested through [`Visitor::triangle`], or passed by.
-    fn triangles(&mut self, _count: u32) {}
-
     /// Ends a ray.
     fn finish(self) -> (Hit, TestCounts);
 }
 
 /// Walks every ray through the scene's tree with a visitor of its own.
-pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, sink: S)
+pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, mut sink: S)
 where
-    V: Visitor<'a, Data = Scene>,
-    R: Iterator<Item = (Ray, u32)>,
-    S: FnMut(Hit, TestCounts),
-{
-    each_in::<V, R, S>(scene, scene.nodes(), scene, stack, rays, sink);
-}
-
-/// Walks every ray through `nodes`: a tree in the coordinates of `scene`, not deeper than its own, whose leaves mean
-/// what `data` says.
-pub(super) fn each_in<'a, V, R, S>(
-    scene: &Scene,
-    nodes: &[Node],
-    data: &'a V::Data,
-    stack: &mut Stack,
-    rays: R,
-    mut sink: S,
-) where
     V: Visitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
     stack.fit(scene);
-    let (frame, whole) = (Frame::of(scene), is_whole(nodes));
+    let (frame, nodes, whole) = (Frame::of(scene), scene.nodes(), is_whole(scene.nodes()));
     for (ray, excluded) in rays {
         let Some(ray) = frame.localize(&ray) else {
             sink(Hit::MISS, TestCounts::default());
             continue;
         };
-        let mut visitor = V::begin(data, ray, excluded);
+        let mut visitor = V::begin(scene, ray, excluded);
         walk_nodes(nodes, whole, stack, &mut visitor);
         let (hit, counts) = visitor.finish();
         sink(hit, counts);

@@ -38,7 +38,7 @@ use crate::collapse::WIDTH;
 use crate::wide::{WideNode, WideTree};
 use core::ops::ControlFlow;
 use glam::Vec3;
-use rt_core::{Hit, Ray, Scene, TestCounts};
+use rt_core::{Hit, Ray, TestCounts};
 
 /// Bits of a word of hits that stand for nodes; the others stand for triangles.
 const NODES: u32 = 0xff00_0000;
@@ -60,7 +60,7 @@ struct WideSlabs {
 /// Walks every ray with a visitor of its own.
 pub(super) fn each<'a, V, R, S>(tree: &'a WideTree, stack: &mut Stack, rays: R, mut sink: S)
 where
-    V: Visitor<'a, Data = Scene>,
+    V: Visitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {

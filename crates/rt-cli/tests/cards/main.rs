@@ -16,7 +16,7 @@ fn main() {
     let trials = vec![
         Trial::test("layout_says_what_to_do_without_a_card", tradeoff::layout_says_what_to_do),
         on("vulkan", "layout_is_measured_over_both", tradeoff::layout_is_measured),
-        on("vulkan", "sampling_leaves_out_what_a_card_lacks", tradeoff::sampling_leaves_out),
+        on("vulkan", "sampling_on_a_card_has_every_walk", tradeoff::sampling_has_every_walk),
         on("vulkan", "precision_says_that_there_is_one_kernel", tradeoff::precision_says_so),
     ];
     #[cfg(unix)]

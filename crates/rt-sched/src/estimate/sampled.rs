@@ -52,8 +52,6 @@ impl CostEstimator for Sampled {
             Walk::Full => "exact",
             Walk::Reduced(ReducedWalk::LeafAsHit) => "reduced",
             Walk::Reduced(ReducedWalk::Unshortened) => "reduced-unshortened",
-            Walk::Reduced(ReducedWalk::LeafPlane) => "reduced-plane",
-            Walk::Reduced(ReducedWalk::Truncated) => "reduced-truncated",
         }
     }
 
@@ -62,8 +60,6 @@ impl CostEstimator for Sampled {
             Walk::Full => 0,
             Walk::Reduced(ReducedWalk::LeafAsHit) => 1,
             Walk::Reduced(ReducedWalk::Unshortened) => 2,
-            Walk::Reduced(ReducedWalk::LeafPlane) => 3,
-            Walk::Reduced(ReducedWalk::Truncated) => 4,
         };
         CountsToken::of::<Self>(variant)
     }

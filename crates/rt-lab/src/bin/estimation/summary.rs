@@ -6,18 +6,16 @@ use serde_json::Value;
 use std::fmt::Write as _;
 
 /// Estimators whose errors against counts are compared.
-const COUNTS: [&str; 8] =
-    ["exact 1/8", "exact 1/64", "exact 1/128", "field 1/64", "reduced-plane 1/64", "reduced 1/8", "adaptive", "auto"];
+const COUNTS: [&str; 7] = ["exact 1/8", "exact 1/64", "exact 1/128", "field 1/64", "reduced 1/8", "adaptive", "auto"];
 /// Those whose errors against time are.
 const TIME: [&str; 5] = ["exact 1/8", "exact 1/64", "field 1/64", "reduced 1/8", "auto"];
 /// Those whose overhead is.
-const OVERHEAD: [&str; 10] = [
+const OVERHEAD: [&str; 9] = [
     "uniform",
     "exact 1/8",
     "exact 1/64",
     "exact 1/128",
     "field 1/64",
-    "reduced-plane 1/64",
     "reduced 1/8",
     "reduced 1/1",
     "adaptive",

@@ -81,12 +81,7 @@ fn uniform_work_is_a_test_for_each_ray() {
 #[test]
 fn names_tell_the_walk() {
     assert_eq!(Sampled::new(Walk::Full, Fraction::ONE).name(), "exact");
-    for (reading, name) in [
-        (ReducedWalk::LeafAsHit, "reduced"),
-        (ReducedWalk::Unshortened, "reduced-unshortened"),
-        (ReducedWalk::LeafPlane, "reduced-plane"),
-        (ReducedWalk::Truncated, "reduced-truncated"),
-    ] {
+    for (reading, name) in [(ReducedWalk::LeafAsHit, "reduced"), (ReducedWalk::Unshortened, "reduced-unshortened")] {
         let mut reduced = Sampled::new(Walk::Reduced(reading), Fraction::EIGHTH);
         assert_eq!(reduced.name(), name);
         let tasks = tasks_of(64, 64);

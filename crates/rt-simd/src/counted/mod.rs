@@ -1,0 +1,145 @@
+//! Walks that count: what a ray costs, told by the ray alone.
+//!
+//! What is counted the crate's documentation says. Where a box is entered is computed as (p − o′)·r, each operation
+//! rounded once (see the module `rays`), and so to the same bits with any instructions: tracing fuses operations where it
+//! can, and may enter another box that a ray hardly touches.
+//!
+//! # Why a packet counts like its rays
+//!
+//! Rays of an octant visit children in one order, whatever they have hit, and a ray's limit depends on what it visited
+//! before. So a packet that visits what any of its rays visits, in that order, with the set of those that do, visits
+//! for each of them what it would visit alone. The set is made when the parent is visited; where limits have come down
+//! since, it is made again. What bounds of the whole packet leave out (the module `frustum`) no ray of it enters.
+
+mod packet;
+mod single;
+mod slabs;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use packet::Counter;
+
+use crate::dispatch::Work;
+use crate::isa::Found;
+use crate::lanes::{LANES, Level};
+use crate::packet::RAYS;
+use crate::rays::Frame;
+use core::marker::PhantomData;
+use rt_bvh::{BlockChild, BlockTree};
+use rt_core::{Hit, Query, Ray, ReducedWalk, TestCounts, Walk};
+
+/// A kind of walk, so that each is compiled by itself.
+trait Kind {
+    /// Whether triangles are tested.
+    const FULL: bool;
+    /// Whether any hit ends a ray.
+    const ANY: bool = false;
+    /// Whether limits come down.
+    const SHORTENS: bool = true;
+}
+
+struct Closest;
+struct Any;
+struct LeafAsHit;
+struct Unshortened;
+
+impl Kind for Closest {
+    const FULL: bool = true;
+}
+
+impl Kind for Any {
+    const FULL: bool = true;
+    const ANY: bool = true;
+}
+
+impl Kind for LeafAsHit {
+    const FULL: bool = false;
+}
+
+impl Kind for Unshortened {
+    const FULL: bool = false;
+    const SHORTENS: bool = false;
+}
+
+/// Asks for a child that is to be visited soon: rays that are far from each other, as samples are, find few nodes in the
+/// caches.
+#[inline(always)]
+fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
+    match BlockChild::of(child) {
+        BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&tree.nodes()[index as usize])),
+        BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&tree.blocks()[index as usize])),
+        BlockChild::Empty => {}
+    }
+}
+
+/// Rays to count in packets, in the order in which they are.
+pub(crate) struct CountBatch<'a> {
+    pub(crate) tree: &'a BlockTree,
+    pub(crate) frame: &'a Frame,
+    pub(crate) counter: &'a mut Counter,
+    pub(crate) walk: Walk,
+    /// Of full walks.
+    pub(crate) query: Query,
+    /// Where so few rays of a packet are left they go on alone.
+    pub(crate) few: u32,
+    pub(crate) rays: &'a [Ray],
+    /// An entry for each ray, or none.
+    pub(crate) excluded: &'a [u32],
+    pub(crate) counts: &'a mut [TestCounts],
+    pub(crate) hits: &'a mut [Hit],
+}
+
+/// A batch, by the kind of its walk.
+struct Counting<'a, K>(CountBatch<'a>, PhantomData<K>);
+
+impl<K: Kind> Work for Counting<'_, K> {
+    // Inlined, as all below, so that it is compiled for the instructions of its caller.
+    #[inline(always)]
+    fn run<L: Level>(self, level: L) {
+        self.0.count::<L, K>(level);
+    }
+}
+
+/// Counts a batch.
+pub(crate) fn run(found: Found, batch: CountBatch<'_>) {
+    match (batch.walk, batch.query) {
+        (Walk::Full, Query::Closest) => found.run(Counting::<Closest>(batch, PhantomData)),
+        (Walk::Full, Query::Any) => found.run(Counting::<Any>(batch, PhantomData)),
+        (Walk::Reduced(ReducedWalk::LeafAsHit), _) => found.run(Counting::<LeafAsHit>(batch, PhantomData)),
+        (Walk::Reduced(ReducedWalk::Unshortened), _) => found.run(Counting::<Unshortened>(batch, PhantomData)),
+    }
+}
+
+impl CountBatch<'_> {
+    #[inline(always)]
+    fn count<L: Level, K: Kind>(self, level: L) {
+        let Self { tree, frame, counter, walk, query, few, mut excluded, .. } = self;
+        let results = self.counts.chunks_mut(RAYS).zip(self.hits.chunks_mut(RAYS));
+        for (rays, (counts, hits)) in self.rays.chunks(RAYS).zip(results) {
+            let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
+            excluded = others;
+            let mut extreme = 0;
+            let mut theirs = own.chunks(LANES);
+            for (i, (group, rays)) in counter.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
+                group.set(level, frame, rays, theirs.next().unwrap_or_default());
+                extreme |= u64::from(group.extreme) << (LANES * i);
+            }
+            counter.count::<L, K>(level, tree, frame, rays, few);
+            let places = counts.chunks_mut(LANES).zip(hits.chunks_mut(LANES));
+            for ((group, tally), (counts, hits)) in counter.groups.iter().zip(&mut counter.tallies).zip(places) {
+                counts.copy_from_slice(&tally.take()[..counts.len()]);
+                if K::FULL {
+                    group.write(level, hits);
+                } else {
+                    hits.fill(Hit::MISS);
+                }
+            }
+            while extreme != 0 {
+                let i = extreme.trailing_zeros() as usize;
+                extreme &= extreme - 1;
+                let excluded = own.get(i).copied().unwrap_or(u32::MAX);
+                (hits[i], counts[i]) = crate::alone::count(tree, frame, &rays[i], excluded, walk, query);
+            }
+        }
+    }
+}
