@@ -85,9 +85,9 @@ fn a_comparison_measures_every_way_in_every_round() {
 fn a_comparison_of_what_is_named_fits_the_terminal() {
     let folder = folder();
     let ways =
-        "--queue static,central --policy permuted-regions --estimator uniform,reduced-truncated --fraction 1/4096";
+        "--queue static,central --policy permuted-regions --estimator uniform,reduced-unshortened --fraction 1/4096";
     let ended = succeeds(&folder, &format!("compare cube.obj {SMALL} {ways} --repeat 3"));
-    for part in ["permuted-regions", "reduced-truncated 1/4096", "auto, later frames", "devices cpu:1,cpu:1"] {
+    for part in ["permuted-regions", "reduced-unshortened 1/4096", "auto, later frames", "devices cpu:1,cpu:1"] {
         assert!(ended.out.contains(part), "`{part}` is to be in {}", ended.out);
     }
     assert!(!ended.out.contains("block") && ended.out.contains("These 2 devices together are"), "{}", ended.out);
