@@ -62,7 +62,8 @@ impl Launches {
     /// Whether these kernels trace a stream, and count it where it or a walk is `counted`. `robust` and `f64` are the
     /// same hits; nothing here is `fast`'s, and what is counted are tests of this tree.
     pub(crate) const fn suit(spec: StreamSpec, counted: bool) -> bool {
-        !matches!(spec.precision, Precision::Fast) && !(counted && matches!(spec.counted, CountedTree::Scene))
+        let needs_scene = counted && matches!(spec.counted, CountedTree::Scene);
+        !needs_scene && !matches!(spec.precision, Precision::Fast)
     }
 
     /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are
