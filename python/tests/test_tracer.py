@@ -242,8 +242,16 @@ def slow_rays(rows: int) -> tuple[np.ndarray, np.ndarray]:
 SOON = 300
 
 
+@pytest.fixture
+def interruptible():
+    """Python heeds Ctrl-C, also where these tests run behind a shell's `&`, which has it ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.parametrize("queue", ["hybrid", "static"])
-def test_ctrl_c_ends_a_run_and_the_tracer_goes_on(ball, queue) -> None:
+def test_ctrl_c_ends_a_run_and_the_tracer_goes_on(ball, queue, interruptible) -> None:
     """Mutants: signals that are looked for between launches only (the static queue has one); a lock that stays."""
     tracer = raybalance.Tracer(ball, devices="cpu:1@0.001", queue=queue)
     origins, directions = slow_rays(2_000_000)
