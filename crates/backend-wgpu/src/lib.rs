@@ -1,11 +1,11 @@
 //! wgpu devices for raybalance: graphics cards, and Mesa's software rasteriser lavapipe.
 //!
-//! [`WgpuDevice::enumerate`] opens every device of the system, [`WgpuDevice::open`] one of them, and
-//! [`WgpuDevice::of`] takes one that the program has already, from [`wgpu`]. It runs the kernels of `rt_shaders` and answers as the
-//! Vulkan backend does: hits and counts are, bit for bit, those of the CPU devices, and rays that rounding leaves in
-//! doubt are traced on the host. wgpu compiles WGSL itself and cannot forbid drivers to fuse a product and a sum, so
-//! these kernels hide every result that matters from the compiler; a device that fuses all the same is refused when it
-//! is opened.
+//! [`WgpuDevice::enumerate`] opens every device of the system, [`WgpuDevice::open`] one of them, and [`WgpuDevice::of`]
+//! takes one that the program has already, from [`wgpu`]. It runs the kernels of `rt_shaders` and answers as the Vulkan
+//! backend does: hits and counts are, bit for bit, those of the CPU devices, and rays that rounding leaves in doubt are
+//! traced on the host. wgpu compiles WGSL itself and cannot forbid drivers to fuse a product and a sum, so these
+//! kernels hide every result that matters from the compiler; a device that fuses all the same is refused when it is
+//! opened.
 //!
 //! # Current state and limits
 //!

@@ -28,8 +28,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) hits: &'a mut [Hit],
 }
 
-/// What is compiled for each set of instructions, in a function of its own: what is changed for one kind of work must not
-/// change how another is compiled.
+/// What is compiled for each set of instructions, in a function of its own: what is changed for one kind of work must
+/// not change how another is compiled.
 pub(crate) trait Work {
     /// Does it. To be inlined, so that it is compiled for the instructions of its caller.
     fn run<L: Level>(self, level: L);

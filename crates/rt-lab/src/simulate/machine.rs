@@ -2,14 +2,13 @@
 
 use super::recording::Recording;
 use super::strategies::{Knows, Strategy};
+use rt_balance::Scheduling;
 use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
-use rt_balance::{QueueKind, Scheduling};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
 use rt_core::{Coherence, Observation, RayStream, Step, Task};
 use rt_sched::bound;
-use rt_sched::queue::QueueMaker;
 use rt_sched::uninformed::Regime;
 use serde::Serialize;
 
@@ -101,7 +100,7 @@ impl Machine {
         let tasks: Vec<Task> = tasks.collect();
         let devices = self.speeds.len();
         let regime = Regime { tasks: tasks.len(), devices, are_speeds_known: false, launch: 0.0 };
-        let queue = QueueKind::default();
+        let mut default = Scheduling::default();
         let stream = RayStream {
             kind: recording.kind,
             coherence: Coherence::Unknown,
@@ -110,10 +109,9 @@ impl Machine {
             wave: 0,
             source: None,
             devices: devices as u32,
-            uninformed_excess: queue.uninformed_excess(&regime),
-            moves: queue.moves(&regime),
+            uninformed_excess: default.queue.uninformed_excess(&regime),
+            moves: default.queue.moves(&regime),
         };
-        let mut default = Scheduling::default();
         matches!(default.estimator.next(stream, Observation::default()), Step::Sample { .. })
     }
 

@@ -1,8 +1,8 @@
 //! Walks that count: what a ray costs, told by the ray alone.
 //!
 //! What is counted the crate's documentation says. Where a box is entered is computed as (p − o′)·r, each operation
-//! rounded once (see the module `rays`), and so to the same bits with any instructions: tracing fuses operations where it
-//! can, and may enter another box that a ray hardly touches.
+//! rounded once (see the module `rays`), and so to the same bits with any instructions: tracing fuses operations where
+//! it can, and may enter another box that a ray hardly touches.
 //!
 //! # Why a packet counts like its rays
 //!
@@ -61,8 +61,8 @@ impl Kind for Unshortened {
     const SHORTENS: bool = false;
 }
 
-/// Asks for a child that is to be visited soon: rays that are far from each other, as samples are, find few nodes in the
-/// caches.
+/// Asks for a child that is to be visited soon: rays that are far from each other, as samples are, find few nodes in
+/// the caches.
 #[inline(always)]
 fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
     match BlockChild::of(child) {
