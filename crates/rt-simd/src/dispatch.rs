@@ -9,7 +9,7 @@ use crate::lanes::portable::Portable;
 use crate::lanes::{LANES, Level};
 #[cfg(target_arch = "x86_64")]
 use crate::lanes::{avx2::Avx2, avx512::Avx512};
-use crate::packet::{Packet, RAYS};
+use crate::packet::{Packet, RAYS, fill};
 use crate::rays::Frame;
 use rt_bvh::BlockTree;
 use rt_core::{Hit, Query, Ray};
@@ -99,12 +99,7 @@ impl Batch<'_> {
             level.fetch(bytemuck::cast_slice(next.next().unwrap_or_default()));
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
-            let mut extreme = 0;
-            let mut theirs = own.chunks(LANES);
-            for (i, (group, rays)) in packet.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
-                group.set(level, frame, rays, theirs.next().unwrap_or_default());
-                extreme |= u64::from(group.extreme) << (LANES * i);
-            }
+            let mut extreme = fill(level, frame, &mut packet.groups, rays, own);
             packet.trace::<L, ANY>(level, tree, frame, rays, few);
             for (group, hits) in packet.groups.iter().zip(hits.chunks_mut(LANES)) {
                 group.write(level, hits);

@@ -65,10 +65,7 @@ impl Packet {
             if (0..3).any(|axis| ways[axis][octant >> axis & 1] == 0) {
                 continue;
             }
-            let mut open = [0; GROUPS];
-            for (open, group) in open.iter_mut().zip(&*groups) {
-                *open = group.in_octant(octant);
-            }
+            let open = in_octant(groups, octant);
             if open == [0; GROUPS] {
                 continue;
             }
@@ -76,6 +73,44 @@ impl Packet {
             let mut walk = Walk { tree, far, frame, rays, few, groups, open, octant };
             walk.run::<L, ANY>(level, frustum, stack);
         }
+    }
+}
+
+/// Puts rays into groups; returns those that are extreme, a bit each. `excluded` has an entry for each ray, or none.
+#[inline(always)]
+pub(crate) fn fill<L: Level>(level: L, frame: &Frame, groups: &mut [Group], rays: &[Ray], excluded: &[u32]) -> u64 {
+    let mut extreme = 0;
+    let mut excluded = excluded.chunks(LANES);
+    for (i, (group, rays)) in groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
+        group.set(level, frame, rays, excluded.next().unwrap_or_default());
+        extreme |= u64::from(group.extreme) << (LANES * i);
+    }
+    extreme
+}
+
+/// The rays of an octant, by group.
+#[inline(always)]
+pub(crate) fn in_octant(groups: &[Group], octant: usize) -> [Set; GROUPS] {
+    let mut sets = [0; GROUPS];
+    for (set, group) in sets.iter_mut().zip(groups) {
+        *set = group.in_octant(octant);
+    }
+    sets
+}
+
+/// The rays of all groups as one set.
+#[inline(always)]
+pub(crate) fn joined(sets: &[Set; GROUPS]) -> u64 {
+    sets.iter().rev().fold(0, |all, &rays| all << LANES | u64::from(rays))
+}
+
+/// Asks for a child that will be visited soon.
+#[inline(always)]
+pub(crate) fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
+    match BlockChild::of(child) {
+        BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&tree.nodes()[index as usize])),
+        BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&tree.blocks()[index as usize])),
+        BlockChild::Empty => {}
     }
 }
 
@@ -98,14 +133,14 @@ impl Walk<'_> {
     #[inline(always)]
     fn run<L: Level, const ANY: bool>(&mut self, level: L, mut frustum: Frustum, stack: &mut Stack) {
         stack.cut(0);
-        stack.push(frustum.begin(), 0, self.all());
+        stack.push(frustum.begin(), 0, joined(&self.open));
         while stack.len() > 0 {
             let (entry, child, mut rays) = stack.pop();
             if entry > frustum.limit {
                 continue;
             }
             if ANY {
-                rays &= self.all();
+                rays &= joined(&self.open);
             }
             if rays.count_ones() <= self.few {
                 if rays != 0 {
@@ -127,12 +162,6 @@ impl Walk<'_> {
         }
     }
 
-    /// All rays that go on.
-    #[inline(always)]
-    fn all(&self) -> u64 {
-        self.open.iter().rev().fold(0, |all, &rays| all << LANES | u64::from(rays))
-    }
-
     /// Puts on the stack which children which rays enter.
     #[inline(always)]
     fn node<L: Level, const ANY: bool>(
@@ -150,7 +179,7 @@ impl Walk<'_> {
         let child = |j: usize| node.children()[numbers[j & 7] as usize & 7];
         if self.far {
             for j in 0..count {
-                self.fetch(level, child(j));
+                fetch(level, self.tree, child(j));
             }
         }
         if count == 1 {
@@ -174,16 +203,6 @@ impl Walk<'_> {
         }
         for j in 0..count {
             stack.push_if(entered[j & 7] != 0, entries[j & 7], child(j), entered[j & 7]);
-        }
-    }
-
-    /// Asks for a child that will be visited soon.
-    #[inline(always)]
-    fn fetch<L: Level>(&self, level: L, child: u32) {
-        match BlockChild::of(child) {
-            BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&self.tree.nodes()[index as usize])),
-            BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&self.tree.blocks()[index as usize])),
-            BlockChild::Empty => {}
         }
     }
 

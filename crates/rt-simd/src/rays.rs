@@ -38,6 +38,7 @@
 //! tree.
 
 use crate::lanes::{Doubles8 as _, Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, WideLanes};
+use crate::triangles::AXES;
 use glam::Vec3;
 use rt_bvh::BlockTree;
 use rt_core::scale::pow2;
@@ -258,6 +259,13 @@ impl Group {
     pub(crate) fn in_octant(&self, octant: usize) -> Set {
         let along = |axis: usize| if octant >> axis & 1 == 1 { self.down[axis] } else { !self.down[axis] };
         self.valid & along(0) & along(1) & along(2)
+    }
+
+    /// The axes in which triangles are looked at with the ray in a lane, its dominant one last.
+    #[inline(always)]
+    pub(crate) fn axes_of(&self, lane: usize) -> [usize; 3] {
+        let dominant = usize::from(self.dominant[1] >> lane & 1) + 2 * usize::from(self.dominant[2] >> lane & 1);
+        AXES[dominant % 3]
     }
 
     /// The rays' hits.

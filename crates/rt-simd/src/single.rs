@@ -6,7 +6,7 @@ use crate::lanes::{Floats as _, Floats8 as _, LANES, Level, Slots as _};
 use crate::order::order;
 use crate::rays::{Frame, Group};
 use crate::stack::Stack;
-use crate::triangles::{AXES, may_be_hit};
+use crate::triangles::may_be_hit;
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::intersect::Shear;
 use rt_core::{Hit, Ray};
@@ -28,7 +28,6 @@ impl Single {
     #[inline(always)]
     fn of(group: &Group, lane: usize) -> Self {
         let near = [0, 1, 2].map(|axis: usize| usize::from(group.down[axis] >> lane & 1));
-        let dominant = usize::from(group.dominant[1] >> lane & 1) + 2 * usize::from(group.dominant[2] >> lane & 1);
         let offset = |axis: usize| {
             let sides = &group.offset[axis];
             [sides[near[axis] & 1].0[lane], sides[near[axis] & 1 ^ 1].0[lane]]
@@ -40,7 +39,7 @@ impl Single {
             begin: group.begin.0[lane],
             limit: group.limit.0[lane],
             octant: near[0] | near[1] << 1 | near[2] << 2,
-            axes: AXES[dominant % 3],
+            axes: group.axes_of(lane),
         }
     }
 
@@ -80,7 +79,6 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
     let lane = lane % LANES;
     let mut ray = Single::of(group, lane);
     let bottom = stack.len();
-    // Made when the first triangle asks for it.
     let mut shear = None;
     stack.push(ray.begin, child, 0);
     while stack.len() > bottom {
@@ -91,24 +89,44 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
         match BlockChild::of(child) {
             BlockChild::Node(index) => ray.enter::<L, ANY>(level, &tree.nodes()[index as usize], stack),
             BlockChild::Block { index, count } => {
-                let block = &tree.blocks()[index as usize];
-                let mut open = may_be_hit(level, group, lane, block, ray.axes) & ((1 << count) - 1);
-                while open != 0 {
-                    let triangle = open.trailing_zeros() as usize;
-                    open &= open - 1;
-                    let shear = shear.get_or_insert_with(|| Shear::new(given, frame.scale_exponent, f64::INFINITY));
-                    if meets(shear, group, lane, given, block, triangle) {
-                        if ANY {
-                            stack.cut(bottom);
-                            return;
-                        }
-                        ray.limit = group.limit.0[lane];
+                let block = (&tree.blocks()[index as usize], count);
+                if meets_any::<L, ANY>(level, frame, group, (lane, given), block, ray.axes, &mut shear) {
+                    if ANY {
+                        stack.cut(bottom);
+                        return;
                     }
+                    ray.limit = group.limit.0[lane];
                 }
             }
             BlockChild::Empty => {}
         }
     }
+}
+
+/// Tests a ray with a block of so many triangles; whether one of them is the best hit so far, which is noted. With
+/// `FIRST` no triangle is tested after that. `shear` is made when the first triangle asks for it.
+#[inline(always)]
+pub(crate) fn meets_any<L: Level, const FIRST: bool>(
+    level: L,
+    frame: &Frame,
+    group: &mut Group,
+    (lane, given): (usize, &Ray),
+    (block, count): (&Block, u32),
+    axes: [usize; 3],
+    shear: &mut Option<Shear>,
+) -> bool {
+    let mut met = false;
+    let mut open = may_be_hit(level, group, lane, block, axes) & ((1 << count) - 1);
+    while open != 0 {
+        let triangle = open.trailing_zeros() as usize;
+        open &= open - 1;
+        let shear = shear.get_or_insert_with(|| Shear::new(given, frame.scale_exponent, f64::INFINITY));
+        met |= meets(shear, group, lane, given, block, triangle);
+        if FIRST && met {
+            break;
+        }
+    }
+    met
 }
 
 /// The reference test; whether the triangle is the best hit so far, which is noted.

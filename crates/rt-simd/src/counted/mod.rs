@@ -22,10 +22,10 @@ pub(crate) use packet::Counter;
 use crate::dispatch::Work;
 use crate::isa::Found;
 use crate::lanes::{LANES, Level};
-use crate::packet::RAYS;
+use crate::packet::{RAYS, fill};
 use crate::rays::Frame;
 use core::marker::PhantomData;
-use rt_bvh::{BlockChild, BlockTree};
+use rt_bvh::BlockTree;
 use rt_core::{Hit, Query, Ray, ReducedWalk, TestCounts, Walk};
 
 /// A kind of walk, so that each is compiled by itself.
@@ -59,17 +59,6 @@ impl Kind for LeafAsHit {
 impl Kind for Unshortened {
     const FULL: bool = false;
     const SHORTENS: bool = false;
-}
-
-/// Asks for a child that is to be visited soon: rays that are far from each other, as samples are, find few nodes in
-/// the caches.
-#[inline(always)]
-fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
-    match BlockChild::of(child) {
-        BlockChild::Node(index) => level.fetch(bytemuck::bytes_of(&tree.nodes()[index as usize])),
-        BlockChild::Block { index, .. } => level.fetch(bytemuck::bytes_of(&tree.blocks()[index as usize])),
-        BlockChild::Empty => {}
-    }
 }
 
 /// Rays to count in packets, in the order in which they are.
@@ -118,12 +107,7 @@ impl CountBatch<'_> {
         for (rays, (counts, hits)) in self.rays.chunks(RAYS).zip(results) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
-            let mut extreme = 0;
-            let mut theirs = own.chunks(LANES);
-            for (i, (group, rays)) in counter.groups.iter_mut().zip(rays.chunks(LANES)).enumerate() {
-                group.set(level, frame, rays, theirs.next().unwrap_or_default());
-                extreme |= u64::from(group.extreme) << (LANES * i);
-            }
+            let mut extreme = fill(level, frame, &mut counter.groups, rays, own);
             counter.count::<L, K>(level, tree, frame, rays, few);
             let places = counts.chunks_mut(LANES).zip(hits.chunks_mut(LANES));
             for ((group, tally), (counts, hits)) in counter.groups.iter().zip(&mut counter.tallies).zip(places) {

@@ -1,10 +1,10 @@
 //! Up to 64 rays that walk the tree together, each counted as if it walked alone.
 
 use super::slabs::{Planes, Slabs};
-use super::{Kind, fetch, single};
+use super::{Kind, single};
 use crate::frustum::Frustum;
 use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, Slots as _};
-use crate::packet::GROUPS;
+use crate::packet::{GROUPS, fetch, in_octant, joined};
 use crate::rays::{Frame, Group, Set};
 use crate::stack::Stack;
 use crate::triangles::{AXES, nearest};
@@ -107,10 +107,7 @@ impl Counter {
         let Self { groups, tallies, pending, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
         for octant in 0..8 {
-            let mut open = [0; GROUPS];
-            for (open, group) in open.iter_mut().zip(&*groups) {
-                *open = group.in_octant(octant);
-            }
+            let open = in_octant(groups, octant);
             if open != [0; GROUPS] {
                 let frustum = Frustum::around(level, groups, &open, octant);
                 let visits = 0;
@@ -145,7 +142,7 @@ impl Walk<'_> {
     #[inline(always)]
     fn run<L: Level, K: Kind>(&mut self, level: L, pending: &mut Vec<Pending>, stack: &mut Stack) {
         pending.clear();
-        let (entry, rays) = (self.frustum.begin(), self.all());
+        let (entry, rays) = (self.frustum.begin(), joined(&self.open));
         pending.push(Pending { entry, child: 0, rays, parent: 0, slot: 0, version: 0 });
         while let Some(next) = pending.pop() {
             if next.entry > self.frustum.limit {
@@ -153,7 +150,7 @@ impl Walk<'_> {
             }
             let mut rays = next.rays;
             if K::ANY {
-                rays &= self.all();
+                rays &= joined(&self.open);
             } else if K::SHORTENS && next.version != self.version {
                 rays = self.still(level, &next);
             }
@@ -169,12 +166,6 @@ impl Walk<'_> {
                 BlockChild::Empty => {}
             }
         }
-    }
-
-    /// All rays that go on.
-    #[inline(always)]
-    fn all(&self) -> u64 {
-        self.open.iter().rev().fold(0, |all, &rays| all << LANES | u64::from(rays))
     }
 
     /// The rays that enter a child's box before their limits of now.
@@ -239,7 +230,7 @@ impl Walk<'_> {
                 }
             }
             for (&slot, entered) in numbers.iter().zip(&mut entered).take(count) {
-                if K::FULL || node.children()[slot as usize & 7] & LEAF == 0 {
+                if K::FULL || matches!(BlockChild::of(node.children()[slot as usize & 7]), BlockChild::Node(_)) {
                     let (_, all) = slabs.enter(level, &planes, slot as usize);
                     *entered |= u64::from(some & all) << (LANES * i);
                 }
@@ -320,9 +311,6 @@ impl Walk<'_> {
         }
     }
 }
-
-/// The bit that tells blocks from nodes among children that there are.
-const LEAF: u32 = 1 << 31;
 
 #[cfg(test)]
 mod tests {

@@ -1,14 +1,13 @@
 //! One ray of a group, alone, counted.
 
+use super::Kind;
 use super::slabs::Single;
-use super::{Kind, fetch};
 use crate::lanes::{LANES, Level};
+use crate::packet::fetch;
 use crate::rays::{Frame, Group};
-use crate::single::meets;
+use crate::single::meets_any;
 use crate::stack::Stack;
-use crate::triangles::{AXES, may_be_hit};
 use rt_bvh::{BlockChild, BlockTree};
-use rt_core::intersect::Shear;
 use rt_core::{Ray, TestCounts};
 
 /// Of the children that come next, so many are asked for ahead: those of a ray that has no neighbours are seldom in a
@@ -30,11 +29,9 @@ pub(super) fn walk<L: Level, K: Kind>(
 ) -> TestCounts {
     let lane = lane % LANES;
     let mut ray = Single::of(group, lane, octant);
-    let dominant = usize::from(group.dominant[1] >> lane & 1) + 2 * usize::from(group.dominant[2] >> lane & 1);
-    let axes = AXES[dominant % 3];
+    let axes = group.axes_of(lane);
     let (mut nodes, mut triangles) = (0_u32, 0_u32);
     let bottom = stack.len();
-    // Made when the first triangle asks for it.
     let mut shear = None;
     stack.push(ray.begin, child, 0);
     while stack.len() > bottom {
@@ -60,15 +57,9 @@ pub(super) fn walk<L: Level, K: Kind>(
             }
             BlockChild::Block { index, count } => {
                 triangles = triangles.saturating_add(count);
-                let block = &tree.blocks()[index as usize];
-                let mut open = may_be_hit(level, group, lane, block, axes) & ((1 << count) - 1);
-                while open != 0 {
-                    let triangle = open.trailing_zeros() as usize;
-                    open &= open - 1;
-                    let shear = shear.get_or_insert_with(|| Shear::new(given, frame.scale_exponent, f64::INFINITY));
-                    if meets(shear, group, lane, given, block, triangle) {
-                        ray.limit = group.limit.0[lane];
-                    }
+                let block = (&tree.blocks()[index as usize], count);
+                if meets_any::<L, false>(level, frame, group, (lane, given), block, axes, &mut shear) {
+                    ray.limit = group.limit.0[lane];
                 }
                 if K::ANY && group.found >> lane & 1 == 1 {
                     stack.cut(bottom);
