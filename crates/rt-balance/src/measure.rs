@@ -6,6 +6,7 @@ use crate::models::Key;
 use crate::plan::Plan;
 use crate::report::{Activity, DeviceReport, EstimateReport, ModelReport, StreamReport, StreamRun};
 use crate::run::Ran;
+use crate::stats::union;
 use crate::{Scheduling, Stream};
 use rt_core::{CostModel, TaskId, TestCounts, Work};
 use rt_sched::metrics;
@@ -166,17 +167,6 @@ fn device_report(
         note: member.note(),
         error: member.failure().map(str::to_owned),
     }
-}
-
-/// Total length of a union of intervals.
-fn union(mut spans: Vec<(f64, f64)>) -> f64 {
-    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut total, mut reached) = (0.0, f64::NEG_INFINITY);
-    for (start, end) in spans {
-        total += (end - start.max(reached)).max(0.0);
-        reached = reached.max(end);
-    }
-    total
 }
 
 /// The imbalance over living devices, whose speeds are those of the plan's cost models.

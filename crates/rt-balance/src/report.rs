@@ -93,6 +93,14 @@ pub struct EstimateReport {
     pub unused: Option<UnusedReport>,
 }
 
+impl StreamReport {
+    /// Seconds that it would have taken had every device been busy to the end; `None` where that is not known.
+    #[must_use]
+    pub fn even_s(&self) -> Option<f64> {
+        Some(self.makespan_s / (1.0 + self.imbalance?))
+    }
+}
+
 impl EstimateReport {
     /// Whether nothing was known of costs: every ray counted the same.
     #[must_use]

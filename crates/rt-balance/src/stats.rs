@@ -143,6 +143,18 @@ fn rank(count: usize) -> (usize, f64) {
     best
 }
 
+/// Total length of a union of intervals.
+#[must_use]
+pub fn union(mut spans: Vec<(f64, f64)>) -> f64 {
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (mut total, mut reached) = (0.0, f64::NEG_INFINITY);
+    for (start, end) in spans {
+        total += (end - start.max(reached)).max(0.0);
+        reached = reached.max(end);
+    }
+    total
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,8 +10,7 @@ use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_core::Device;
-use rt_core::bounce::Surfaces;
-use rt_render::{Film, Frame, Light, Passes, Progress, Renderer, Session, Traced};
+use rt_render::{Film, Frame, Passes, Progress, Renderer, Session, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
 use rt_report::pictures::Pictures;
@@ -179,29 +178,20 @@ impl Stage {
             outputs.spare_materials(&prepared.libraries)?;
         }
         let first = choose_view(&prepared, args)?;
-        let scene = Arc::clone(&prepared.built.scene);
         let devices = args.balance.device.open(args.balance.devices.as_deref())?;
         let begin = Instant::now();
-        let balancer = Balancer::open(Arc::clone(&scene), &devices, limits, interrupt::control())?;
+        let balancer = Balancer::open(Arc::clone(&prepared.built.scene), &devices, limits, interrupt::control())?;
         let setup = begin.elapsed().as_secs_f64();
         let described = SceneReport::of(&prepared);
-        let Prepared { model, precision, load_s, build_s, .. } = prepared;
-        let seconds = Seconds { load: load_s, build: build_s, setup, ..Seconds::default() };
-        let extent = model.bounds().extent().length();
+        let seconds = Seconds { load: prepared.load_s, build: prepared.build_s, setup, ..Seconds::default() };
         let renderer = Renderer {
-            // The scene holds the triangles; the model's own go here.
-            colours: model.into_colours(),
-            surfaces: Arc::new(Surfaces::new(scene)),
-            light: Light::new(&first, extent),
             size: args.size,
             samples: args.spp,
             bounces: args.bounces,
-            precision,
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
-            unused: false,
-            cancel: interrupt::flag(),
+            ..Renderer::of(prepared, &first, interrupt::flag())
         };
         Ok(Self { described, devices, balancer, first, renderer, seconds })
     }

@@ -8,8 +8,9 @@ use rt_balance::sample::Fraction;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
 use rt_core::bounce::Surfaces;
 use rt_core::{Camera, Hit, Precision, RaySource, StreamKind, random};
-use rt_scene::Colours;
+use rt_scene::prepare::Prepared;
 use rt_scene::streams::{PathStream, Paths, Samples, Wave};
+use rt_scene::{Colours, View};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -143,6 +144,29 @@ pub struct Part<'a> {
     pub wave: &'a Wave,
     /// Which of their samples.
     pub samples: Samples,
+}
+
+impl<'a> Renderer<'a> {
+    /// Of a scene as a view shows it: one pixel of one path without bounces, unless something else is said.
+    #[must_use]
+    pub fn of(prepared: Prepared, view: &View, cancel: &'a AtomicBool) -> Self {
+        let Prepared { model, built, precision, .. } = prepared;
+        Self {
+            light: Light::new(view, model.bounds().extent().length()),
+            // The scene holds the triangles; the model's own go here.
+            colours: model.into_colours(),
+            surfaces: Arc::new(Surfaces::new(built.scene)),
+            size: [1, 1],
+            samples: 1,
+            bounces: 0,
+            precision,
+            cut: TaskCut::Suited,
+            seed: 0,
+            reference: false,
+            unused: false,
+            cancel,
+        }
+    }
 }
 
 impl Renderer<'_> {

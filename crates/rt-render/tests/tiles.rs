@@ -6,10 +6,9 @@ use rt_balance::{Balancer, Device, Scheduling};
 use rt_bvh::Builder;
 use rt_cluster::local::{LocalRank, Weather, network};
 use rt_cluster::{ClusterError, Deal, Dealt, Finished, Patience, deal};
-use rt_core::bounce::Surfaces;
 use rt_render::tiles::{FrameTiles, cut, fingerprint, fingerprint_of_scene, unpack};
-use rt_render::{Film, Frame, Light, Passes, RenderError, Renderer, Session, TaskCut};
-use rt_scene::prepare::{Options, Prepared, prepare};
+use rt_render::{Film, Frame, Passes, RenderError, Renderer, Session, TaskCut};
+use rt_scene::prepare::{Options, prepare};
 use rt_scene::streams::{Paths, Waves};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -29,20 +28,13 @@ fn garden() -> (Renderer<'static>, Paths) {
     let options = Options::new(Builder::default());
     let prepared = prepare(Path::new("yard"), &options, &mut |_| ControlFlow::Continue(())).expect("a built-in scene");
     let view = prepared.view();
-    let Prepared { model, built, precision, .. } = prepared;
     let renderer = Renderer {
-        light: Light::new(&view, model.bounds().extent().length()),
-        colours: model.into_colours(),
-        surfaces: Arc::new(Surfaces::new(built.scene)),
         size: SIZE,
         samples: SAMPLES,
         bounces: 1,
-        precision,
         cut: TaskCut::Size(1024),
         seed: 5,
-        reference: false,
-        unused: false,
-        cancel: &NEVER,
+        ..Renderer::of(prepared, &view, &NEVER)
     };
     let paths = renderer.paths(view.camera().expect("a camera"), 0);
     (renderer, paths)

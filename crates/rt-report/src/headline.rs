@@ -87,12 +87,8 @@ fn working(report: &StreamReport) -> usize {
 impl Sums {
     fn add(&mut self, report: &StreamReport) {
         let (makespan_s, estimate) = (report.makespan_s, &report.estimate);
-        let saves_s = match (report.lower_bound_s, report.imbalance) {
-            (Some(bound_s), _) => (makespan_s - bound_s).max(0.0),
-            // Imbalance is how much longer it took than if all devices had been busy to the end.
-            (None, Some(imbalance)) => (makespan_s - makespan_s / (1.0 + imbalance)).max(0.0),
-            (None, None) => 0.0,
-        };
+        let least_s = report.lower_bound_s.or(report.even_s());
+        let saves_s = least_s.map_or(0.0, |least_s| (makespan_s - least_s).max(0.0));
         self.tracing_s += makespan_s;
         self.busy_s += report.devices.iter().map(|device| device.busy_s).sum::<f64>();
         self.room_s += makespan_s * working(report) as f64;

@@ -9,8 +9,7 @@ use rt_balance::devices::Opened;
 use rt_balance::report::StreamReport;
 use rt_balance::{Balancer, Limits, Scheduling};
 use rt_core::Device;
-use rt_core::bounce::Surfaces;
-use rt_render::{Light, Part, Renderer, Session};
+use rt_render::{Part, Renderer, Session};
 use rt_report::report::SceneReport;
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{Samples, Wave};
@@ -71,14 +70,13 @@ impl Picture {
 
     /// Whether anything was known of the tasks of a stream.
     pub(super) fn is_estimated(&self) -> bool {
-        self.streams.iter().any(|stream| stream.estimate.chosen != UNIFORM)
+        self.streams.iter().any(|stream| !stream.estimate.is_uninformed())
     }
 
     /// How much longer the last device worked than all did on average, over all streams; `None` where one does not
     /// tell.
     pub(super) fn imbalance(&self) -> Option<f64> {
-        let even = |stream: &StreamReport| Some(stream.makespan_s / (1.0 + stream.imbalance?));
-        let even: f64 = self.streams.iter().map(even).sum::<Option<f64>>()?;
+        let even: f64 = self.streams.iter().map(StreamReport::even_s).sum::<Option<f64>>()?;
         (even > 0.0).then(|| self.trace_s() / even - 1.0)
     }
 
@@ -86,9 +84,6 @@ impl Picture {
         self.streams.iter().map(|stream| stream.setup_s).sum()
     }
 }
-
-/// The estimator that knows nothing.
-const UNIFORM: &str = "uniform";
 
 /// One round.
 #[derive(Debug)]
@@ -135,23 +130,16 @@ impl<'a> Site<'a> {
                 }
             }
         }
-        let Prepared { model, name, precision, load_s, build_s, .. } = prepared;
-        let extent = model.bounds().extent().length();
+        let (name, prepare_s) = (prepared.name.clone(), prepared.load_s + prepared.build_s);
         let renderer = Renderer {
-            colours: model.into_colours(),
-            surfaces: Arc::new(Surfaces::new(tree)),
-            light: Light::new(&view, extent),
             size: options.size(),
             samples: options.samples(),
             bounces: options.bounces,
-            precision,
             cut: options.cut,
             seed: options.seed,
-            reference: false,
-            unused: false,
-            cancel: lab.stop,
+            ..Renderer::of(prepared, &view, lab.stop)
         };
-        let (wave, prepare_s) = (Wave::whole(options.size())?, load_s + build_s);
+        let wave = Wave::whole(options.size())?;
         Ok(Self {
             lab,
             renderer,

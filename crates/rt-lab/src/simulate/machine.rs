@@ -7,9 +7,9 @@ use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
-use rt_core::{Coherence, Observation, RayStream, Step, Task};
+use rt_core::Task;
 use rt_sched::bound;
-use rt_sched::uninformed::Regime;
+use rt_sched::uninformed::does_sample;
 use serde::Serialize;
 
 /// Alike nodes, each of devices of these speeds.
@@ -98,21 +98,8 @@ impl Machine {
             task
         });
         let tasks: Vec<Task> = tasks.collect();
-        let devices = self.speeds.len();
-        let regime = Regime { tasks: tasks.len(), devices, are_speeds_known: false, launch: 0.0 };
-        let mut default = Scheduling::default();
-        let stream = RayStream {
-            kind: recording.kind,
-            coherence: Coherence::Unknown,
-            tasks: &tasks,
-            seed: 0,
-            wave: 0,
-            source: None,
-            devices: devices as u32,
-            uninformed_excess: default.queue.uninformed_excess(&regime),
-            moves: default.queue.moves(&regime),
-        };
-        matches!(default.estimator.next(stream, Observation::default()), Step::Sample { .. })
+        let Scheduling { mut estimator, queue, .. } = Scheduling::default();
+        does_sample(&mut *estimator, &*queue, recording.kind, &tasks, self.speeds.len())
     }
 
     /// Tiles of neighbouring tasks are let to nodes as between real ones; within a node the strategy deals each tile's.

@@ -154,11 +154,9 @@ fn kind(root: &At<'_>) -> Result<&'static str, ReportError> {
     if found == known {
         return Ok(kind);
     }
-    let age = if found < known { "older" } else { "newer" };
-    Err(schema.wrong(
-        &format!("is {found}, of an {age} program, and this one reads {known}: run it again by one of them")
-            .replace("an newer", "a newer"),
-    ))
+    let other = if found < known { "an older" } else { "a newer" };
+    let what = format!("is {found}, of {other} program, and this one reads {known}: run it again by one of them");
+    Err(schema.wrong(&what))
 }
 
 /// What is told of something in the first place that tells it.

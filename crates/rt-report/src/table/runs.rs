@@ -2,6 +2,7 @@
 
 use super::{DASH, Table, grouped, percent, seconds};
 use rt_balance::report::{ActivityKind, DeviceReport, StreamReport, StreamRun};
+use rt_balance::stats::union;
 use std::fmt::Write;
 
 /// Why each stream's estimate was made as it was, a line for each; streams of estimators that have no choice are left
@@ -134,7 +135,7 @@ impl Group<'_> {
             percent(of_made(|report| report.estimate.mre_counts)),
             percent(of_made(|report| report.estimate.mre_time)),
             seconds(makespan_s),
-            percent(self.beyond(|report| Some(report.makespan_s / (1.0 + report.imbalance?)))),
+            percent(self.beyond(StreamReport::even_s)),
             percent(self.beyond(|report| report.lower_bound_s)),
         ]
     }
@@ -198,17 +199,6 @@ fn own_seconds(run: &StreamRun, index: usize) -> [f64; 2] {
     let tasks = run.measured_s.iter().zip(&run.device_of).filter(|(_, device)| **device as usize == index);
     let own: f64 = tasks.map(|(seconds, _)| seconds).sum();
     if own.is_finite() && wall.is_finite() { [wall, own] } else { [0.0; 2] }
-}
-
-/// Total length of a union of intervals.
-fn union(mut spans: Vec<(f64, f64)>) -> f64 {
-    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut total, mut reached) = (0.0, f64::NEG_INFINITY);
-    for (start, end) in spans {
-        total += (end - start.max(reached)).max(0.0);
-        reached = reached.max(end);
-    }
-    total
 }
 
 fn parts(runs: &[StreamRun]) -> Vec<Part<'_>> {

@@ -3,15 +3,12 @@
 use crate::memory::{grow, push, spare};
 use crate::model::UNCOLOURED;
 use crate::obj::polygon::{self, Shape};
-use crate::obj::{Defect, Fault, LoadOptions, LoadStage, Loaded, Watch, offset_note};
+use crate::obj::{Defect, Fault, LoadOptions, LoadStage, Loaded, MOST_VERTICES, Watch, offset_note};
 use crate::offset::Offset;
 use crate::progress::Meter;
 use crate::{Model, memory};
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
-
-/// Vertices are numbered below this: one more may be added for triangles that are left out.
-const MOST_VERTICES: u32 = u32::MAX - 2;
 
 /// What a file says.
 #[derive(Debug, Default)]

@@ -14,7 +14,7 @@ use std::ops::Range;
 pub(super) const NOWHERE: u32 = u32::MAX;
 
 /// Vertices are numbered below this, which leaves numbers for [`NOWHERE`] and one that is not finite.
-const MOST_VERTICES: u32 = u32::MAX - 2;
+pub(crate) const MOST_VERTICES: u32 = u32::MAX - 2;
 
 /// Coordinates up to here stay within single precision whatever offset is subtracted: see [`super::place`].
 const SURE: f64 = f32::MAX as f64 / 4.0;

@@ -30,6 +30,8 @@ pub use error::{Defect, Fault, LoadError};
 use crate::Model;
 use crate::memory::spare;
 use crate::reading::read_file;
+#[cfg(feature = "formats")]
+pub(crate) use geometry::MOST_VERTICES;
 use geometry::{Geometry, Noticed};
 use glam::DVec3;
 use place::Placed;

@@ -27,6 +27,7 @@ mod hybrid;
 mod interleavings;
 mod ledger;
 mod maker;
+mod overview;
 mod pace;
 mod slots;
 #[cfg(all(test, not(loom)))]

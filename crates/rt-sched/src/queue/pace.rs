@@ -1,7 +1,8 @@
 //! How fast devices are found to be, without a clock.
 
 use super::ledger::Ledger;
-use super::timed::Timed;
+use super::overview::Overview;
+use super::timed::{Timed, get};
 use alloc::boxed::Box;
 use rt_core::{CostModel, TaskId, Work};
 // Not those of `atomics`, whose every order loom tries: they decide only how many tasks a launch takes, not whose they
@@ -133,33 +134,6 @@ pub(crate) struct Found {
     pub(crate) launch_s: f64,
 }
 
-/// All devices together, as they were found a moment ago.
-///
-/// They are looked at anew after every [`Overview::OFTEN`]th part of as many calls as there are devices, so that a call
-/// takes the same time however many there are.
-#[derive(Debug)]
-struct Overview {
-    calls: AtomicUsize,
-    /// The sum of all speeds, as the bits of an `f64`, and so the two greatest.
-    speed: AtomicU64,
-    fastest: [AtomicU64; 2],
-    /// Who is fastest.
-    first: AtomicUsize,
-}
-
-impl Overview {
-    const OFTEN: usize = 32;
-
-    fn new() -> Self {
-        let [calls, first] = [0; 2].map(AtomicUsize::new);
-        Self { calls, first, speed: AtomicU64::new(0), fastest: [0; 2].map(AtomicU64::new) }
-    }
-}
-
-fn get(bits: &AtomicU64) -> f64 {
-    f64::from_bits(bits.load(Relaxed))
-}
-
 fn share(units: &AtomicU64) -> f64 {
     units.load(Relaxed) as f64 * UNIT
 }
@@ -206,7 +180,7 @@ impl Paces {
         let predicted = devices.iter().map(|pace| pace.speed).sum();
         Self {
             devices,
-            overview: Overview::new(),
+            overview: Overview::default(),
             predicted,
             shares,
             all,
@@ -270,7 +244,7 @@ impl Paces {
             // Found, not known: the longer launches are, the less they cost together, and the less is left to be mended
             // if that was wrong. This is in between, and harmless where a little was taken for the price of nothing.
             // A slow device's tasks are what all may wait for: it takes no more of them for its launches.
-            if FASTER * self.of(device).speed < self.fastest_other(device) {
+            if FASTER * self.of(device).speed < self.overview.fastest_other(device) {
                 return (f64::INFINITY, 0.0);
             }
             let part = (LONGER * libm::sqrt(price / share)).min(1.0);
@@ -386,35 +360,10 @@ impl Paces {
 
     /// The speed of all devices that are not lost, in streams per second.
     pub(crate) fn together(&self, ledger: &Ledger) -> f64 {
-        self.look(ledger);
-        get(&self.overview.speed)
-    }
-
-    /// The greatest speed of the others.
-    fn fastest_other(&self, device: usize) -> f64 {
-        let own = self.overview.first.load(Relaxed) == device;
-        get(&self.overview.fastest[usize::from(own)])
-    }
-
-    fn look(&self, ledger: &Ledger) {
-        let Overview { calls, speed, fastest, first } = &self.overview;
-        if calls.fetch_add(1, Relaxed) % (self.devices.len() / Overview::OFTEN).max(1) != 0 {
-            return;
-        }
-        let (mut sum, mut most, mut second, mut who) = (0.0, 0.0, 0.0, 0);
-        for device in (0..self.devices.len()).filter(|&device| !ledger.is_retired(device)) {
-            let found = self.of(device).speed;
-            sum += found;
-            if found > most {
-                (most, second, who) = (found, most, device);
-            } else if found > second {
-                second = found;
-            }
-        }
-        speed.store(f64::to_bits(sum), Relaxed);
-        first.store(who, Relaxed);
-        fastest[0].store(f64::to_bits(most), Relaxed);
-        fastest[1].store(f64::to_bits(second), Relaxed);
+        let count = self.devices.len();
+        let living = (0..count).filter(|&device| !ledger.is_retired(device));
+        self.overview.look(count, living.map(|device| (device, self.of(device).speed)));
+        self.overview.speed()
     }
 
     /// Whether a device should take anything now, of which the next task would be `next`. A schedule that is to be kept
@@ -425,7 +374,7 @@ impl Paces {
     pub(crate) fn may_take(&self, device: usize, next: Option<TaskId>, plan: f64, ledger: &Ledger) -> bool {
         let now = self.now();
         let (own, together) = (self.of(device), self.together(ledger));
-        let (others, fastest) = (together - own.speed, self.fastest_other(device));
+        let (others, fastest) = (together - own.speed, self.overview.fastest_other(device));
         // Nobody else is there.
         if others <= 0.0 || fastest <= 0.0 {
             return true;

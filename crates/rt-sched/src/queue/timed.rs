@@ -8,7 +8,8 @@ const DOUBT: f64 = 2.0;
 /// Relative difference below which sizes of launches are the same.
 const ALIKE: f64 = 1e-6;
 
-fn get(bits: &AtomicU64) -> f64 {
+/// A number that is kept as its bits.
+pub(super) fn get(bits: &AtomicU64) -> f64 {
     f64::from_bits(bits.load(Relaxed))
 }
 

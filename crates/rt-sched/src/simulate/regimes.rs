@@ -6,12 +6,12 @@
 use super::tests::{estimated, image, models};
 use super::*;
 use crate::estimate::Auto;
-use crate::queue::{QueueKind, QueueMaker};
-use crate::uninformed::Regime;
+use crate::queue::QueueKind;
+use crate::uninformed::does_sample;
 use crate::{bound, metrics};
 use alloc::borrow::ToOwned;
 use core::iter::repeat_n;
-use rt_core::{Coherence, CostEstimator, CostModel, Observation, RayStream, Step, StreamKind, Work};
+use rt_core::{CostModel, StreamKind, Work};
 use std::eprintln;
 use std::string::String;
 
@@ -318,25 +318,6 @@ const FIRST: [(&str, (Known, f64)); 6] = [
 const LATER: [(&str, (Known, f64)); 4] =
     [("hybrid", PAST), ("lpt", PAST), ("central", PAST), ("permuted", (Known::Speeds, 0.0))];
 
-/// Whether the default walks samples of a first stream.
-fn does_default_sample(tasks: usize, devices: usize) -> bool {
-    let queue = QueueKind::default();
-    let regime = Regime { tasks, devices, are_speeds_known: false, launch: 0.0 };
-    let tasks = rt_core::tasks_of(tasks as u32 * 1024, 1024);
-    let stream = RayStream {
-        kind: StreamKind::Primary,
-        coherence: Coherence::Unknown,
-        tasks: &tasks,
-        seed: 0,
-        wave: 0,
-        source: None,
-        devices: devices as u32,
-        uninformed_excess: queue.uninformed_excess(&regime),
-        moves: queue.moves(&regime),
-    };
-    matches!(Auto::default().next(stream, Observation::default()), Step::Sample { .. })
-}
-
 /// The default's excess beside that of the best strategy, and which that is: of a first stream, and of later ones.
 fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64, String); 2] {
     let of = |&(queue, (known, price)): &(&'static str, (Known, f64))| {
@@ -348,7 +329,8 @@ fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64
         };
         (100.0 * price + case.mean()[0], what)
     };
-    let samples = does_default_sample(tasks as usize, speeds.len());
+    let cut = rt_core::tasks_of(tasks * 1024, 1024);
+    let samples = does_sample(&mut Auto::default(), &QueueKind::default(), StreamKind::Primary, &cut, speeds.len());
     [(&FIRST[..], usize::from(samples)), (&LATER[..], 0)].map(|(strategies, default)| {
         let found: Vec<(f64, String)> = strategies.iter().map(of).collect();
         let (best, name) = found.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("some");
