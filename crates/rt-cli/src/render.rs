@@ -253,7 +253,8 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 
 /// The pictures and `files` in the folder of results.
 pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
-    let names = Pictures::new(&args.out, &args.frames).files().chain(files.iter().map(PathBuf::from));
+    let pictures = Pictures::new(&args.out, &args.frames);
+    let names = pictures.files().chain(files.iter().map(PathBuf::from));
     let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
     args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
 }

@@ -11,8 +11,20 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_raybalance");
 
 /// Small frames of which every pixel depends on all random numbers.
 const FRAMES: [&str; 14] = [
-    "render", "yard", "--size", "64x40", "--spp", "3", "--bounces", "1", "--seed", "5", "--devices", "cpu:1",
-    "--frames", "0..6",
+    "render",
+    "yard",
+    "--size",
+    "64x40",
+    "--spp",
+    "3",
+    "--bounces",
+    "1",
+    "--seed",
+    "5",
+    "--devices",
+    "cpu:1",
+    "--frames",
+    "0..6",
 ];
 
 /// How often a process is killed.

@@ -48,7 +48,7 @@ impl Shard {
         let mut pieces: Vec<usize> = (0..seconds.len()).collect();
         // Stable: of the same cost, the first one first.
         pieces.sort_by(|a, b| cost(b).total_cmp(&cost(a)));
-        let mut loads = vec![(0.0, 0_usize); self.of as usize];
+        let mut loads = vec![(0.0_f64, 0_usize); self.of as usize];
         let mut own = Vec::new();
         for piece in pieces {
             // By number of pieces where they cost nothing; the first shard of those that have least.

@@ -190,8 +190,14 @@ mod tests {
         assert_eq!(known(7), (false, None));
         fs::write(&picture, "pixels").unwrap();
         assert_eq!(known(7), (false, None));
-        let first =
-            Rendered { frame: 3, samples: 16, fingerprint: 7, seconds: 2.5, seconds_before: None, provenance: &provenance };
+        let first = Rendered {
+            frame: 3,
+            samples: 16,
+            fingerprint: 7,
+            seconds: 2.5,
+            seconds_before: None,
+            provenance: &provenance,
+        };
         note(&picture, &first).unwrap();
         assert_eq!((known(7), known(8)), ((true, None), (false, Some(2.5))));
         // The next run: the seconds before stay those before.

@@ -33,7 +33,14 @@ impl Pictures {
     /// Frames, none of which is written yet.
     #[must_use]
     pub fn new(folder: &Path, frames: &Frames) -> Self {
-        Self { folder: folder.to_owned(), frames: frames.clone(), animation: None, last: None, written: 0, seconds: 0.0 }
+        Self {
+            folder: folder.to_owned(),
+            frames: frames.clone(),
+            animation: None,
+            last: None,
+            written: 0,
+            seconds: 0.0,
+        }
     }
 
     /// The same of an animation, with one exposure for all frames, whichever are written and in whatever order, and for

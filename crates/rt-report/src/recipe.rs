@@ -24,9 +24,8 @@ impl Recipe {
     #[must_use]
     pub fn script(self, command: &str, shards: u32) -> String {
         // Each process takes all of its machine's devices.
-        let array = |head: &str, number: &str| {
-            format!("#!/bin/sh\n{head}exec {command} --shard \"${{{number}}}/{shards}\"\n")
-        };
+        let array =
+            |head: &str, number: &str| format!("#!/bin/sh\n{head}exec {command} --shard \"${{{number}}}/{shards}\"\n");
         match self {
             Self::Slurm => array(
                 &format!(
@@ -34,10 +33,9 @@ impl Recipe {
                 ),
                 "SLURM_ARRAY_TASK_ID",
             ),
-            Self::Hq => array(
-                &format!("#HQ --name=raybalance\n#HQ --array=1-{shards}\n#HQ --cpus=all\n"),
-                "HQ_TASK_ID",
-            ),
+            Self::Hq => {
+                array(&format!("#HQ --name=raybalance\n#HQ --array=1-{shards}\n#HQ --cpus=all\n"), "HQ_TASK_ID")
+            }
             Self::Parallel => Shard::all(shards).fold(String::new(), |mut lines, shard| {
                 let _ = writeln!(lines, "{command} --shard {shard}");
                 lines
@@ -76,7 +74,8 @@ pub fn command_without(options: &[&str]) -> Result<String, Usage> {
     let no_text = |word: std::ffi::OsString| {
         usage(format!("`{}` is no text, and so cannot be put into a script", word.to_string_lossy()))
     };
-    let mut words = std::env::args_os().map(|word| word.into_string().map_err(no_text)).collect::<Result<Vec<_>, _>>()?;
+    let mut words =
+        std::env::args_os().map(|word| word.into_string().map_err(no_text)).collect::<Result<Vec<_>, _>>()?;
     if let (Ok(path), Some(program)) = (std::env::current_exe().map(|path| path.into_os_string()), words.first_mut()) {
         *program = path.into_string().map_err(no_text)?;
     }

@@ -230,10 +230,9 @@ impl CameraPath {
             };
             let ((f0, n0), (f1, n1)) = (at(before), at(passed));
             let (length, u) = (f1 - f0, (f64::from(frame) - f0) / (f1 - f0));
-            let between = n0
-                + (n1 - n0) * (u * u * (3.0 - 2.0 * u))
-                + slope(before) * length * (u * (1.0 - u) * (1.0 - u))
-                - slope(passed) * length * (u * u * (1.0 - u));
+            let between =
+                n0 + (n1 - n0) * (u * u * (3.0 - 2.0 * u)) + slope(before) * length * (u * (1.0 - u) * (1.0 - u))
+                    - slope(passed) * length * (u * u * (1.0 - u));
             if which == NUMBERS - 1 { between.clamp(n0.min(n1), n0.max(n1)) } else { between }
         };
         Shot::of_numbers(std::array::from_fn(number))
