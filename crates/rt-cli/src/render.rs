@@ -73,12 +73,12 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let waves = Room::now().waves(&needs, args.memory)?;
     let Stage { described, devices, balancer, motion, renderer, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
-    let renderer = Renderer { unused: true, ..renderer };
     let mut pictures = pictures(args, &renderer, &motion)?;
     let Part { missing, whole } = part(args, &pictures);
     if missing.is_empty() {
         return Ok(pictures.write_sheet()?);
     }
+    let renderer = Renderer { unused: missing.first().copied(), ..renderer };
     let provenance = Provenance::now(args.balance.seed, names(&devices));
     let paths = waves.pixels() * u64::from(args.spp) * missing.len() as u64;
     let bar = progress::Whole::new(paths, (2 * args.bounces + 2).into());

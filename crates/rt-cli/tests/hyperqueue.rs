@@ -53,7 +53,7 @@ fn task_array_renders_all_frames(python: &Path) -> Result<(), Failed> {
     succeeded(&mut render("alone"))?;
     let script = succeeded(render("together").args(["--emit", "hq", "--shards", SHARDS]))?.stdout;
     fs::write(dir.path().join("frames.sh"), script)?;
-    let runner = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hyperqueue.py");
+    let runner = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/task_array.py");
     succeeded(Command::new(python).arg(runner).arg(dir.path().join("frames.sh")).arg(SHARDS).arg(dir.path()))?;
     for frame in 0..5 {
         let [alone, together] =

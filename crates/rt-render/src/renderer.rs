@@ -76,9 +76,9 @@ pub struct Renderer<'a> {
     pub seed: u32,
     /// Whether every task is measured by itself in separate passes.
     pub reference: bool,
-    /// Whether streams of the first frame that were traced without an estimate are estimated afterwards, to see what
-    /// that would have said.
-    pub unused: bool,
+    /// The frame whose streams, where they were traced without an estimate, are estimated afterwards, to see what that
+    /// would have said.
+    pub unused: Option<u32>,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
@@ -164,7 +164,7 @@ impl<'a> Renderer<'a> {
             cut: TaskCut::Suited,
             seed: 0,
             reference: false,
-            unused: false,
+            unused: None,
             cancel,
         }
     }
@@ -253,7 +253,7 @@ impl Renderer<'_> {
         if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
         }
-        if self.unused && part.frame == 0 && run.report.estimate.is_uninformed() {
+        if self.unused == Some(part.frame) && run.report.estimate.is_uninformed() {
             balancer.estimate_unused(&stream, &mut run, UNUSED_FRACTION, scheduling.limits, quiet)?;
         }
         record(Traced { run, stream: path_stream, part });
