@@ -3,11 +3,12 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
-use crate::ranks::{self, Ranks};
+use crate::ranks;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
+use rt_cluster::Ranks;
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_render::ranges::RayRanges;
 use rt_report::headline::Headline;
@@ -20,12 +21,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
-    let mut ranks = Ranks::join()?;
+    let mut ranks = ranks::join()?;
     if ranks.size() == 1 {
         return trace(args, &mut ranks).map(|_| ());
     }
     let traced = trace(args, &mut ranks);
-    ranks.leave(traced)
+    ranks::leave(ranks, traced)
 }
 
 /// Traces, with others if there are any; whether those are there still.

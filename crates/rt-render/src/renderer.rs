@@ -6,8 +6,9 @@ use glam::Vec3;
 use rt_balance::report::StreamRun;
 use rt_balance::sample::Fraction;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
+use rt_bvh::Stack;
 use rt_core::bounce::{Departure, Surfaces};
-use rt_core::{Camera, Hit, Precision, Ray, RaySource, StreamKind, random};
+use rt_core::{Camera, Hit, Precision, Ray, RaySource, StreamKind, StreamSpec, TestCounts, random};
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{PathStream, Paths, Samples, Wave};
 use rt_scene::{Colours, View};
@@ -77,9 +78,9 @@ pub struct Renderer<'a> {
     pub seed: u32,
     /// Whether every task is measured by itself in separate passes.
     pub reference: bool,
-    /// Whether streams of the first frame that were traced without an estimate are estimated afterwards, to see what
-    /// that would have said.
-    pub unused: bool,
+    /// The frame whose streams, where they were traced without an estimate, are estimated afterwards, to see what that
+    /// would have said.
+    pub unused: Option<u32>,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
@@ -165,7 +166,7 @@ impl<'a> Renderer<'a> {
             cut: TaskCut::Suited,
             seed: 0,
             reference: false,
-            unused: false,
+            unused: None,
             cancel,
         }
     }
@@ -188,6 +189,16 @@ impl Renderer<'_> {
     /// # Errors
     /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
     pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<(), RenderError> {
+        self.shade(part, sums, &mut |stream| self.trace(session, part, stream))
+    }
+
+    /// Renders a part with hits that `trace` finds.
+    pub(crate) fn shade(
+        &self,
+        part: Part<'_>,
+        sums: &mut [Vec3],
+        trace: &mut dyn FnMut(&PathStream) -> Result<Vec<Hit>, RenderError>,
+    ) -> Result<(), RenderError> {
         let Part { paths, wave, samples, .. } = part;
         let count = wave.pixels.len() * samples.count as usize;
         let mut radiance = Radiance::new(count)?;
@@ -195,7 +206,7 @@ impl Renderer<'_> {
         let mut throughput = memory::filled(Vec3::ONE, count, "the rays of a wave")?;
         let mut front = paths.part(wave, samples);
         for bounce in 0..=self.bounces {
-            let hits = self.trace(session, part, &front)?;
+            let hits = trace(&front)?;
             let seen = Seen { stream: &front, throughput: &throughput, part };
             self.add_misses(&seen, &hits, &mut radiance);
             // The last bounce's light is not followed any further.
@@ -203,13 +214,13 @@ impl Renderer<'_> {
                 self.add_fill(&seen, &hits, &mut radiance);
                 let shadow = paths.end(&front, &hits);
                 drop(hits);
-                let blocked = self.trace(session, part, &shadow)?;
+                let blocked = trace(&shadow)?;
                 self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
                 break;
             }
             let [shadow, diffuse] = paths.follow(&front, &hits);
             drop(hits);
-            let blocked = self.trace(session, part, &shadow)?;
+            let blocked = trace(&shadow)?;
             self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
             self.dim(&mut throughput, &Seen { stream: &diffuse, throughput: &[], part });
             front = diffuse;
@@ -242,7 +253,7 @@ impl Renderer<'_> {
         if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
         }
-        if self.unused && part.frame == 0 && run.report.estimate.is_uninformed() {
+        if self.unused == Some(part.frame) && run.report.estimate.is_uninformed() {
             balancer.estimate_unused(&stream, &mut run, UNUSED_FRACTION, scheduling.limits, quiet)?;
         }
         record(Traced { run, stream: path_stream, part });
@@ -262,6 +273,19 @@ impl Renderer<'_> {
                 }
             },
         );
+    }
+
+    /// The hits of a stream, found on this thread and without a device; `counted` is told what each ray cost.
+    pub(crate) fn walk(&self, stream: &PathStream, mut counted: impl FnMut(TestCounts)) -> Vec<Hit> {
+        let scene = self.surfaces.scene();
+        let spec = StreamSpec { counts: true, ..stream.spec(self.precision) };
+        let rays = (0..stream.source.len()).map(|ray| stream.source.ray(ray));
+        let mut hits = Vec::with_capacity(stream.source.len() as usize);
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, counts| {
+            counted(counts);
+            hits.push(hit);
+        });
+        hits
     }
 
     fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
