@@ -316,10 +316,16 @@ fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraM
 }
 
 fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
-    chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
-    chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
-    tasks::write_csv(&args.out.join("tasks.csv"), runs, provenance)?;
-    Ok(cost::write_png(&args.out.join("cost.png"), costs)?)
+    let path = |name| args.out.join(name);
+    let (maps, tables) = rayon::join(
+        || cost::write_png(&path("cost.png"), costs),
+        || {
+            chart::timeline::write_svg(&path("timeline.svg"), runs, provenance)?;
+            chart::trace::write_json(&path("trace.json"), runs, provenance)?;
+            tasks::write_csv(&path("tasks.csv"), runs, provenance)
+        },
+    );
+    Ok(maps.and(tables)?)
 }
 
 /// What devices call themselves.

@@ -49,10 +49,14 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     Room::now().require(most.saturating_mul(BYTES_PER_GIVEN_RAY), &what, "split the file")?;
     let prepared = args.source.prepare(&args.scene)?;
     outputs.spare_materials(&prepared.libraries)?;
+    let begin = Instant::now();
     let rays = rays.read(prepared.model.offset)?;
+    let load_s = prepared.load_s + begin.elapsed().as_secs_f64();
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.device.open(args.balance.devices.as_deref())?;
+    let begin = Instant::now();
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
+    let setup_s = begin.elapsed().as_secs_f64();
 
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
@@ -98,8 +102,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
     let traced: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
     let seconds = Seconds {
-        load: prepared.load_s,
+        load: load_s,
         build: prepared.build_s,
+        setup: setup_s,
         estimate,
         trace: report.as_ref().map_or(traced - estimate, |report| report.makespan_s),
         write: begin.elapsed().as_secs_f64(),

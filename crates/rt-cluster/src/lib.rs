@@ -41,6 +41,7 @@
 //! ([`Server`], [`Worker`]) do no I/O and know no clock, so that tests and simulations run them through millions of
 //! orders of events; [`deal`] is a thread that carries messages between them and a [`Transport`].
 //!
+//! Before they deal rank 0 can tell all others something, such as the scene, and hear of each afterwards ([`Relay`]).
 //! Processes that know nothing of each other share work as a [`Shard`] says.
 //!
 //! The feature `mpi` adds the module `mpi`, the transport between machines; it needs an MPI library
