@@ -147,7 +147,8 @@ fn the_death_of_rank_0_ends_all_with_a_word() {
     if out.join("image.png").exists() {
         assert!(picture(&out) == picture(&alone));
     } else {
-        assert!(!ended.status.success(), "{error}");
+        // The launcher itself (OpenMPI 4.1) is content whatever its processes end with, if it is to recover.
+        assert!(!out.join("report.json").exists(), "{error}");
         for rank in [1, 2] {
             assert!(error.contains(&format!("rank {rank} on ")) && error.contains("rank 0 is lost"), "{error}");
         }
