@@ -37,7 +37,7 @@ proptest! {
     /// is lost or taken for a part of what is told.
     #[test]
     fn everybody_hears_what_rank_0_tells(
-        size in prop::sample::select(vec![0, 1, 1 << 20, (1 << 20) + 1, 2_500_000]),
+        size in prop::sample::select(vec![0_usize, 1, 1 << 20, (1 << 20) + 1, 2_500_000]),
         ranks in 1..9_u32, seed: u32, delay in 0..4_u64,
     ) {
         let content: Vec<u8> = (0..size).map(|i| (i as u32).wrapping_mul(2_654_435_761).to_le_bytes()[3]).collect();
@@ -49,7 +49,9 @@ proptest! {
                 let (content, taken) = (&content, &taken);
                 threads.spawn(move || {
                     let number = rank.rank();
-                    let mut relay = relay(rank, Patience::default());
+                    // Short, so that a failure of one ends the others.
+                    let patience = Patience { welcome: Duration::from_secs(60), ..Patience::default() };
+                    let mut relay = relay(rank, patience);
                     if number == 0 {
                         relay.tell(&size).expect("all are there");
                         relay.send(content).expect("all are there");
