@@ -172,6 +172,23 @@ impl RaySource {
             }
         }
     }
+
+    /// The rays with these numbers, which must all be below [`RaySource::len`]; and, in as many places, the primitives
+    /// that they start on.
+    ///
+    /// # Panics
+    /// When there are not as many places for the one or the other as there are numbers.
+    pub fn gather(&self, numbers: &[u32], rays: &mut [Ray], origins: &mut [u32]) {
+        assert!(numbers.len() == rays.len() && numbers.len() == origins.len(), "a place for each number");
+        if let Self::Camera(camera) = self {
+            camera.gather(numbers, rays);
+            origins.fill(u32::MAX);
+        } else {
+            for ((ray, origin), &number) in rays.iter_mut().zip(origins).zip(numbers) {
+                (*ray, *origin) = self.ray(number);
+            }
+        }
+    }
 }
 
 /// What is asked of every ray of a stream; a kernel does only that.
