@@ -101,7 +101,7 @@ impl Launches {
             results.windows(range.len(), |results, window| {
                 let first = range.start + window.start as u32;
                 let (rays, excluded) = room.places(window.len());
-                source.rays(first, rays, excluded);
+                self.kernel.make(source, first, rays, excluded);
                 if let Some((done, _)) = done {
                     let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
                     done.set_in(first..first + window.len() as u32).for_each(|ray| rays[(ray - first) as usize] = none);
@@ -119,15 +119,7 @@ impl Launches {
         results.windows(numbers.len(), |results, window| {
             let numbers = &numbers[window];
             let (rays, excluded) = room.places(numbers.len());
-            match *numbers {
-                // All that are between the first and the last are made together.
-                [first, .., last]
-                    if (last - first) as usize + 1 == numbers.len() && numbers.is_sorted_by(|a, b| a < b) =>
-                {
-                    source.rays(first, rays, excluded);
-                }
-                _ => source.gather(numbers, rays, excluded),
-            }
+            self.kernel.make_of(source, numbers, rays, excluded);
             self.answer_room(&mut room, walk, how, results);
         });
         self.give_back(room);

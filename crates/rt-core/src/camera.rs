@@ -169,7 +169,7 @@ impl CameraRays {
 
     /// The rays with these numbers, which must all be below [`CameraRays::len`], in as many places. What they have in
     /// common is computed once.
-    pub fn gather(&self, numbers: &[u32], rays: &mut [Ray]) {
+    pub fn rays_of(&self, numbers: &[u32], rays: &mut [Ray]) {
         let raster = self.raster();
         for (ray, &number) in rays.iter_mut().zip(numbers) {
             let pixel = self.pixels[(number / self.samples) as usize];
@@ -259,7 +259,7 @@ mod tests {
             }
             let some: Vec<u32> = (0..source.len()).rev().step_by(3).collect();
             let mut rays = vec![Ray::new(Vec3::ZERO, Vec3::ZERO); some.len()];
-            source.gather(&some, &mut rays);
+            source.rays_of(&some, &mut rays);
             assert!(some.iter().zip(&rays).all(|(&number, ray)| *ray == alone[number as usize]), "{samples}");
         }
     }

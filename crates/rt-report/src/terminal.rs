@@ -3,6 +3,7 @@
 use crate::report::{Report, Seconds};
 use crate::table::{self, grouped, seconds};
 use rt_balance::report::StreamRun;
+use rt_cluster::ClusterReport;
 use std::fmt::Write;
 use std::io::{IsTerminal, stdout};
 
@@ -82,6 +83,20 @@ pub fn streams(runs: &[StreamRun], width: usize) -> String {
         let _ = writeln!(text, "{}", wrapped(&format!("  {remark}"), "    ", width));
     }
     text
+}
+
+/// What each of several processes did, and what they said to each other.
+#[must_use]
+pub fn ranks(deals: &[ClusterReport], width: usize) -> String {
+    let makespan: f64 = deals.iter().map(|deal| deal.makespan_s).sum();
+    let tiles: u32 = deals.iter().map(|deal| deal.tiles).sum();
+    let messages: u64 = deals.iter().map(|deal| deal.messages).sum();
+    let kilobytes = deals.iter().map(|deal| deal.bytes).sum::<u64>().div_ceil(1000);
+    format!(
+        "{}\n  {tiles} tiles in {makespan:.2} s, {messages} messages of {} kB together\n",
+        table::rank_table(deals).to_text(width),
+        grouped(kilobytes)
+    )
 }
 
 /// Where the time went.

@@ -1,7 +1,9 @@
 //! Tables for people.
 
+mod ranks;
 mod runs;
 
+pub use ranks::{lost_ranks, rank_table};
 pub(crate) use runs::longest;
 pub use runs::{device_remarks, device_table, meaning, reasons, stream_table};
 
