@@ -22,7 +22,7 @@
 //! # Current state and limits
 //!
 //! * `unsafe` is in the modules of intrinsics, and where the kernels compiled for them are called; it rests on a proof
-//!   that only finding the instructions makes.
+//!   that only finding the instructions makes. Beside that, the system is asked for large pages.
 //! * No kernel for [`rt_core::Precision::Fast`].
 #![deny(unsafe_code)]
 

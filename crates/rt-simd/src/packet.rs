@@ -4,9 +4,9 @@
 //! for the bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire
 //! Ray Packets* (2006). The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds
 //! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
-//! at a time, or of scattered rays all of them with one ray at a time where these are fewer, and goes on the stack with
-//! the set of those that enter it. A single child is not tested: that costs more than the few rays save that do not enter it. Where
-//! few are left they go on one by one (the module `single`).
+//! at a time, or of scattered rays all of them with one ray at a time where these are fewer, and goes on the stack
+//! with the set of those that enter it. A single child is not tested: that costs more than the few rays save that do
+//! not enter it. Where few are left they go on one by one (the module `single`).
 //!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 

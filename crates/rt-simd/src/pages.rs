@@ -1,8 +1,8 @@
 //! Trees in large pages of memory.
 //!
 //! Rays that go any way touch a page or more with every node that they visit, and the places of small pages are soon
-//! more than a processor remembers: it then waits for those as well. Linux has large pages for whoever asks; its default
-//! is to give none.
+//! more than a processor remembers: it then waits for those as well. Linux has large pages for whoever asks, and many
+//! systems give none unasked.
 #![cfg_attr(
     all(target_os = "linux", target_env = "gnu"),
     expect(unsafe_code, reason = "the call that asks for large pages is one of the C library")
