@@ -33,8 +33,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
     /// Guards: everybody gets every byte in its place, whatever the tree of ranks and however messages of the deal
-    /// overtake them; and clocks are told as they are. Fails when a rank does not pass on, or when a message of the deal
-    /// is lost or taken for a part of what is told.
+    /// overtake them; and clocks are told as they are. Fails when a rank does not pass on, or when a message of the
+    /// deal is lost or taken for a part of what is told.
     #[test]
     fn everybody_hears_what_rank_0_tells(
         size in prop::sample::select(vec![0_usize, 1, 1 << 20, (1 << 20) + 1, 2_500_000]),
