@@ -14,6 +14,7 @@ mod passes;
 mod plan;
 pub mod ranges;
 mod renderer;
+mod share;
 pub mod tiles;
 
 pub use error::RenderError;
@@ -22,3 +23,4 @@ pub use light::Light;
 pub use passes::{Frame, Passes};
 pub use plan::AnimationPlan;
 pub use renderer::{Part, Progress, Renderer, Session, TaskCut, Traced};
+pub use share::{ShareError, Subject};
