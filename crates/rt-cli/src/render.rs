@@ -62,8 +62,9 @@ fn alone(args: &RenderArgs) -> Result<()> {
     // What a shard knows is a part, of which charts would say little.
     let files = args.shard.map_or_else(|| FILES.map(|(name, _)| name).to_vec(), |_| vec![&report_name[..]]);
     let outputs = outputs(args, &files);
-    check(args)?;
+    scene::check([scene_of(args)])?;
     outputs.check()?;
+    check(args)?;
     if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
         note(format_args!("note: {left}"));
     }
