@@ -10,16 +10,17 @@ use anyhow::{Context, Result};
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_core::Device;
-use rt_render::{Film, Frame, Passes, Progress, Renderer, Session, Traced};
+use rt_render::{Animation, Film, Frame, Passes, Progress, Renderer, Session, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
 use rt_report::pictures::Pictures;
 use rt_report::print::{Stdout, note};
-use rt_report::usage::OrUsage;
+use rt_report::usage::{OrUsage, usage};
 use rt_report::{Provenance, tasks, terminal};
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::Paths;
-use rt_scene::{View, view};
+use rt_scene::wind::Wind;
+use rt_scene::{Model, View, view};
 use std::cell::Cell;
 use std::io::Write;
 use std::path::Path;
@@ -67,9 +68,9 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let RenderArgs { size, spp: samples, bounces, frames, .. } = *args;
     let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
     let waves = Room::now().waves(&needs, args.memory)?;
-    let Stage { described, devices, balancer, first, renderer, mut seconds } =
+    let Stage { described, devices, balancer, first, renderer, mut animation, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
-    let renderer = Renderer { unused: true, ..renderer };
+    let mut renderer = Renderer { unused: true, ..renderer };
     let bar = progress::Whole::new(waves.pixels() * u64::from(args.spp * args.frames), (2 * args.bounces + 2).into());
     let show = |at: Progress| bar.show(at);
     let (mut runs, mut costs, costs_s) = (Vec::new(), CostMaps::new(args.size), Cell::new(0.0));
@@ -86,6 +87,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let (begin, end) = (Instant::now(), args.time.map(|time| start + time));
     let rendered = (0..args.frames).try_for_each(|number| {
         film.clear();
+        animation.show(number, &mut renderer, &mut session)?;
         let paths = paths(args, &renderer, &first, number)?;
         let frame = Frame { paths: &paths, number, waves: &waves, end };
         frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
@@ -98,7 +100,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         rendered => rendered.is_err(),
     };
     let Session { scheduling, .. } = session;
-    seconds.add_streams(&runs, waves_s);
+    seconds.add_streams(&runs, animation.updates(), waves_s);
     let begin = Instant::now();
     drop(film);
     bar.stage("writing");
@@ -120,6 +122,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
+        updates: animation.updates().to_vec(),
         cluster: Vec::new(),
         headline: Headline::of(&runs),
         seconds,
@@ -133,7 +136,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print(&report, &runs, args)?;
+        let explain = args.balance.explain;
+        write!(Stdout, "{}", terminal::rendered(&report, &runs, explain, &args.out, terminal::columns()))?;
     }
     Ok(())
 }
@@ -153,6 +157,7 @@ pub(crate) fn picture_report(args: &RenderArgs, pictures: &Pictures, camera: Cam
         bounces: args.bounces,
         frames: frame + 1,
         degrees_per_frame: if args.frames > 1 { degrees_per_frame(args) } else { 0.0 },
+        wind: args.wind,
         seed: args.balance.seed,
         camera,
     }
@@ -166,6 +171,7 @@ pub(crate) struct Stage {
     /// What the first frame shows.
     pub(crate) first: View,
     pub(crate) renderer: Renderer<'static>,
+    pub(crate) animation: Animation,
     /// What it took.
     pub(crate) seconds: Seconds,
 }
@@ -178,9 +184,12 @@ impl Stage {
             outputs.spare_materials(&prepared.libraries)?;
         }
         let first = choose_view(&prepared, args)?;
+        let animation = Animation::new(wind(args, &prepared.model)?);
         let devices = args.balance.device.open(args.balance.devices.as_deref())?;
         let begin = Instant::now();
-        let balancer = Balancer::open(Arc::clone(&prepared.built.scene), &devices, limits, interrupt::control())?;
+        let scene = Arc::clone(&prepared.built.scene);
+        let mut balancer = Balancer::open(scene, &devices, limits, interrupt::control())?;
+        *balancer.building() = prepared.options.build();
         let setup = begin.elapsed().as_secs_f64();
         let described = SceneReport::of(&prepared);
         let seconds = Seconds { load: prepared.load_s, build: prepared.build_s, setup, ..Seconds::default() };
@@ -193,8 +202,21 @@ impl Stage {
             reference: args.reference,
             ..Renderer::of(prepared, &first, interrupt::flag())
         };
-        Ok(Self { described, devices, balancer, first, renderer, seconds })
+        Ok(Self { described, devices, balancer, first, renderer, animation, seconds })
     }
+}
+
+/// The wind that was asked for.
+fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
+    if args.wind && args.frames == 1 {
+        return Err(usage("--wind moves the scene from frame to frame: give --frames 2 or more").into());
+    }
+    let wind = args.wind.then(|| {
+        Wind::over(model).ok_or_else(|| {
+            usage(format!("--wind: nothing in {} bends in the wind: render the scene yard", model.source))
+        })
+    });
+    Ok(wind.transpose()?)
 }
 
 /// The paths of a frame of an orbit about the target that begins with the view `first`.
@@ -243,22 +265,4 @@ fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], proven
 /// What devices call themselves.
 pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
-}
-
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
-    let width = terminal::columns();
-    write!(Stdout, "{}", terminal::scene(report, width))?;
-    if args.balance.explain {
-        write!(Stdout, "\n{}", terminal::reasons(runs, width))?;
-    }
-    writeln!(Stdout, "\n{}\n{}", terminal::streams(runs, width), terminal::wall(report, width).trim_end())?;
-    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
-        let PictureReport { samples, samples_asked, .. } = picture;
-        writeln!(Stdout, "  {samples} of {samples_asked} samples of each pixel fitted into the time")?;
-    }
-    let written =
-        format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", args.out.display());
-    writeln!(Stdout, "{}", terminal::wrapped(&written, "    ", width))?;
-    write!(Stdout, "\n{}", terminal::headline(report, width))?;
-    Ok(())
 }

@@ -40,6 +40,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_degrees, allow_hyphen_values = true,
           value_name = "DEGREES", requires = "frames")]
     pub(crate) orbit: Option<f32>,
+    /// Wind in the garden's trees, so that they move from frame to frame
+    #[arg(long, help_heading = heading::PICTURE, requires = "frames")]
+    pub(crate) wind: bool,
     /// Camera position in the coordinates of the file, such as 1,1.5,4
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true,
           value_name = "X,Y,Z")]

@@ -37,12 +37,12 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let outputs = is_first.then(|| render::outputs(args, &["report.json"]));
     outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
-    let Stage { described, devices, balancer, first, renderer, mut seconds } =
+    let Stage { described, devices, balancer, first, mut renderer, mut animation, mut seconds } =
         Stage::set(args, &scheduling.limits, outputs.as_ref())?;
     let mut streams = Vec::new();
     let mut record = |traced: Traced<'_>| streams.push(traced.run.report);
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
-    let scene = fingerprint_of_scene(&renderer);
+    let mut scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
     let mut pictures = Pictures::new(&args.out, args.frames);
     let (mut reports, mut is_complete) = (Vec::new(), true);
@@ -50,6 +50,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let mut before: Vec<f32> = Vec::new();
     let mut transport = ranks.transport();
     for frame in 0..args.frames {
+        if animation.show(frame, &mut renderer, &mut session)? {
+            scene = fingerprint_of_scene(&renderer);
+        }
         let paths = render::paths(args, &renderer, &first, frame)?;
         let count = u32::try_from(tiles.count())?;
         let about = Deal {
@@ -96,6 +99,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     if is_first {
         pictures.write_sheet()?;
         seconds.write += pictures.seconds;
+        seconds.add_updates(animation.updates());
         seconds.total = start.elapsed().as_secs_f64();
         let Session { scheduling, .. } = session;
         let report = Report {
@@ -107,6 +111,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             policy: scheduling.policy_name(),
             streams,
             headline: Headline::of_processes(&reports),
+            updates: animation.updates().to_vec(),
             cluster: reports,
             seconds,
         };
@@ -117,6 +122,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             let width = terminal::columns();
             write!(Stdout, "{}", terminal::scene(&report, width))?;
             print(&report.cluster)?;
+            write!(Stdout, "{}", terminal::updates(&report, width))?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
             writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;
             write!(Stdout, "\n{}", terminal::headline(&report, width))?;

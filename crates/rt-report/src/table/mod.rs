@@ -1,9 +1,12 @@
 //! Tables for people.
 
 mod runs;
+mod updates;
 
+use runs::MOST_ROWS;
 pub(crate) use runs::longest;
 pub use runs::{device_remarks, device_table, meaning, reasons, stream_table};
+pub use updates::update_table;
 
 use std::fmt::Write;
 
