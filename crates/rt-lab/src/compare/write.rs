@@ -152,11 +152,15 @@ fn terminal(results: &Results, out: &str) -> String {
     }
     let options = &results.ways[results.verdict.way].options;
     if !options.is_empty() {
-        let _ =
-            writeln!(text, "\n  raybalance render {} --devices {} {options}", results.scene.source, results.entries());
+        let _ = writeln!(text, "\n{}", advised_command(results, options));
     }
     let _ = write!(text, "\n  written to {out}: compare.json, .csv, .md, .svg and report.html");
     text
+}
+
+/// What to paste, in two lines, since what the chosen parts are called may be long.
+fn advised_command(results: &Results, options: &str) -> String {
+    format!("  raybalance render {} --devices {} \\\n    {options}", results.scene.source, results.entries())
 }
 
 fn markdown(results: &Results) -> String {
