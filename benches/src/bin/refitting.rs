@@ -58,8 +58,8 @@ fn run_all() -> Result<(), Box<dyn Error>> {
 fn bench(name: &str, repeat: u32) -> Result<(), Box<dyn Error>> {
     let model = large::open(name)?;
     let options = BuildOptions::default();
-    let mesh = |positions| Mesh { positions, indices: &model.indices };
-    let first = build(mesh(&model.positions), &options)?.scene;
+    let indices = &model.indices;
+    let first = build(Mesh { positions: &model.positions, indices }, &options)?.scene;
     let blocks = BlockTree::new(&first).ok_or("too many triangles for processors")?;
     let shape = WideTree::new(&first).into_shape();
     let extent = model.bounds().extent().max_element();
@@ -68,8 +68,9 @@ fn bench(name: &str, repeat: u32) -> Result<(), Box<dyn Error>> {
     for turn in 0..repeat {
         let wave = |p: Vec3| 0.01 * extent * (p / extent * 9.0 + turn as f32).map(f32::sin);
         let moved: Vec<Vec3> = model.positions.iter().map(|&p| p + wave(p)).collect();
-        let built = time(&mut times[0][0], || build(mesh(&moved), &options))?.scene;
-        let fitted = time(&mut times[0][1], || refit(&first, mesh(&moved), &options))?.ok_or("other triangles")?;
+        let mesh = Mesh { positions: &moved, indices };
+        let built = time(&mut times[0][0], || build(mesh, &options))?.scene;
+        let fitted = time(&mut times[0][1], || refit(&first, mesh, &options))?.ok_or("other triangles")?;
         let _ = time(&mut times[1][0], || BlockTree::new(&built)).ok_or("too many triangles for processors")?;
         let _ = time(&mut times[1][1], || blocks.refit(&fitted)).ok_or("other triangles")?;
         let _ = time(&mut times[2][0], || WideTree::new(&built));

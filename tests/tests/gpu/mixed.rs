@@ -5,10 +5,11 @@ use backend_cpu::CpuDevice;
 use libtest_mimic::{Completion, Failed, Trial};
 use rt_balance::report::StreamRun;
 use rt_balance::{
-    Balancer, Control, Device, Hit, QueueKind, RaySource, Scheduling, Stream, StreamKind, StreamSpec, TestCounts, Updated,
+    Balancer, Control, Device, Hit, QueueKind, RaySource, Scheduling, Stream, StreamKind, StreamSpec, TestCounts,
+    Updated,
 };
-use rt_gpu::GpuDevice;
 use rt_bvh::{BuildOptions, Builder, build};
+use rt_gpu::GpuDevice;
 use rt_scene::builtin;
 use rt_scene::wind::Wind;
 use rt_verify::rays::RayMaker;
@@ -24,7 +25,7 @@ pub(crate) fn trials(devices: &[Found]) -> Vec<Trial> {
         of_it.clone().nth(position).or_else(|| of_it.next_back())
     };
     let chosen = (of(Backend::Vulkan, 0), of(Backend::Wgpu, 1));
-    let trial = |name: &str, test: fn(&[Arc<dyn GpuDevice>]) -> Result<(), Failed>| {
+    let trial = |name: &str, test: Test| {
         let chosen = chosen.clone();
         let test = move || match chosen {
             (Some(vulkan), Some(wgpu)) => test(&[vulkan, wgpu]).map(|()| Completion::Completed),
@@ -37,6 +38,9 @@ pub(crate) fn trials(devices: &[Found]) -> Vec<Trial> {
         trial("every_backend_follows_a_scene", every_backend_follows_a_scene),
     ]
 }
+
+/// A test of cards of two backends.
+type Test = fn(&[Arc<dyn GpuDevice>]) -> Result<(), Failed>;
 
 /// A processor and the cards.
 fn beside_a_processor(cards: &[Arc<dyn GpuDevice>]) -> Result<Vec<Arc<dyn Device>>, Failed> {

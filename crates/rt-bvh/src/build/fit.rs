@@ -85,7 +85,8 @@ impl Subtrees {
     /// `None` where nodes plainly do not lie so; where they do not below some node, it is not found out here.
     fn of(nodes: &[Node]) -> Option<Self> {
         let mut cut = Self { ranges: Vec::new(), above: Vec::new() };
-        let mut open = vec![0..nodes.len()];
+        let whole = 0..nodes.len();
+        let mut open = vec![whole];
         while let Some(range) = open.pop() {
             if range.len() <= SUBTREE {
                 cut.ranges.push(range);
