@@ -83,7 +83,7 @@ impl Environment {
         run(Command::new("python3").args(["-m", "venv", "--without-pip"]).arg(&self.folder).stdin(Stdio::null()))?;
         let staging = self.list().with_extension("partial");
         fs::write(&staging, self.requirements).with_context(|| format!("cannot write `{}`", staging.display()))?;
-        say("setup: pip downloads the packages of the Python tests (30 MB)");
+        say("setup: pip downloads the packages of the Python tests (40 MB)");
         let mut pip = self.install();
         run(pip.args(["--only-binary", ":all:", "--require-hashes", "--requirement"]).arg(&staging))?;
         // Named when all are there, so that an interruption leaves nothing that looks finished.

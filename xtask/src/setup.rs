@@ -205,6 +205,9 @@ pub(crate) fn setup() -> Result<Setup> {
     if mpi {
         provided.push("mpi");
     }
+    if python::SUPPORTED && python::is_set_up() {
+        provided.push("hyperqueue");
+    }
     let embree = if names_embree() { None } else { embree::library() };
     if names_embree() || embree.is_some() {
         provided.push("embree");

@@ -125,7 +125,7 @@ impl Launches {
             results.windows(|results, place| {
                 let first = range.start + place as u32;
                 let (rays, excluded) = room.places(results.hits.len());
-                source.rays(first, rays, excluded);
+                self.kernel.make(source, first, rays, excluded);
                 if let Some((done, _)) = done {
                     let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
                     let rays = rays.iter_mut().zip(first..).filter(|(_, number)| done.contains(*number));
@@ -144,19 +144,7 @@ impl Launches {
         results.windows(|results, place| {
             let numbers = &numbers[place..place + results.hits.len()];
             let (rays, excluded) = room.places(numbers.len());
-            match *numbers {
-                // All that are between the first and the last are made together.
-                [first, .., last]
-                    if (last - first) as usize + 1 == numbers.len() && numbers.is_sorted_by(|a, b| a < b) =>
-                {
-                    source.rays(first, rays, excluded);
-                }
-                _ => {
-                    for ((ray, excluded), &number) in rays.iter_mut().zip(excluded).zip(numbers) {
-                        (*ray, *excluded) = source.ray(number);
-                    }
-                }
-            }
+            self.kernel.make_of(source, numbers, rays, excluded);
             self.answer_room(&mut room, walk, how, results);
         });
         self.give_back(room);

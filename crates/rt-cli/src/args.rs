@@ -36,6 +36,7 @@ mod heading {
     pub(super) const PICTURE: &str = "Camera and picture";
     pub(super) const RAYS: &str = "Rays";
     pub(super) const DEVICES: &str = "Devices";
+    pub(super) const MACHINES: &str = "Several machines";
     pub(super) const SCHEDULING: &str = "Scheduling";
     pub(super) const EXPERIMENT: &str = "Experiment";
     pub(super) const OUTPUT: &str = "Output";

@@ -3,27 +3,27 @@
 use crate::args::RenderArgs;
 use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
-use crate::ranks::{self, Ranks};
 use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
-use crate::{chart, html, interrupt, output, progress, scene};
-use anyhow::{Context, Result};
+use crate::{chart, html, interrupt, output, progress, ranks, scene};
+use anyhow::Result;
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
+use rt_cluster::Shard;
 use rt_core::Device;
-use rt_render::{Animation, Film, Frame, Passes, Progress, Renderer, Session, Traced};
+use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
-use rt_report::pictures::Pictures;
+use rt_report::pictures::{Part, Pictures};
 use rt_report::print::{Stdout, note};
 use rt_report::usage::{OrUsage, usage};
-use rt_report::{Provenance, tasks, terminal};
+use rt_report::{Provenance, recipe, tasks, terminal};
+use rt_scene::camera::{CameraMotion, CameraPath};
 use rt_scene::prepare::Prepared;
-use rt_scene::streams::Paths;
 use rt_scene::wind::Wind;
-use rt_scene::{Model, View, view};
+use rt_scene::{Model, View};
 use std::cell::Cell;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -41,37 +41,48 @@ const FILES: [(&str, &str); 6] = [
 /// about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
 
-fn degrees_per_frame(args: &RenderArgs) -> f32 {
-    args.orbit.map_or(ORBIT_STEP_DEGREES, |degrees| degrees / args.frames as f32)
-}
-
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
-    let mut ranks = Ranks::join()?;
+    if let (Some(recipe), Some(shards)) = (args.emit, args.shards) {
+        scene::check([scene_of(args)])?;
+        let command = recipe::command_without(&["--emit", "--shards"])?;
+        return Ok(write!(Stdout, "{}", recipe.script(&command, shards))?);
+    }
+    let mut ranks = ranks::join()?;
     if ranks.size() == 1 && args.checkpoint.is_none() {
         return alone(args);
     }
     let rendered = ranks::render::run(args, &mut ranks);
-    ranks.leave(rendered)
+    ranks::leave(ranks, rendered)
 }
 
 /// Renders in this process.
 fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let outputs = outputs(args, &FILES.map(|(name, _)| name));
+    let report_name = report_name(args);
+    // What a shard knows is a part, of which charts would say little.
+    let files = args.shard.map_or_else(|| FILES.map(|(name, _)| name).to_vec(), |_| vec![&report_name[..]]);
+    let outputs = outputs(args, &files);
     scene::check([scene_of(args)])?;
     outputs.check()?;
-    let mut pictures = Pictures::new(&args.out, args.frames);
-    if let Some(left) = pictures.leftovers() {
+    if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
         note(format_args!("note: {left}"));
     }
-    let RenderArgs { size, spp: samples, bounces, frames, .. } = *args;
+    let RenderArgs { size, spp: samples, bounces, .. } = *args;
+    let frames = args.frames.count().div_ceil(args.shard.unwrap_or(Shard::WHOLE).of());
     let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
     let waves = Room::now().waves(&needs, args.memory)?;
-    let Stage { described, devices, balancer, first, renderer, mut animation, mut seconds } =
+    let Stage { described, devices, balancer, motion, renderer, mut animation, mut seconds } =
         Stage::set(args, &scheduling.limits, Some(&outputs))?;
-    let mut renderer = Renderer { unused: true, ..renderer };
-    let bar = progress::Whole::new(waves.pixels() * u64::from(args.spp * args.frames), (2 * args.bounces + 2).into());
+    let mut pictures = pictures(args, &renderer, &motion)?;
+    let Part { missing, whole } = part(args, &pictures);
+    if missing.is_empty() {
+        return Ok(pictures.write_sheet()?);
+    }
+    let mut renderer = Renderer { unused: missing.first().copied(), ..renderer };
+    let provenance = Provenance::now(args.balance.seed, names(&devices));
+    let paths = waves.pixels() * u64::from(args.spp) * missing.len() as u64;
+    let bar = progress::Whole::new(paths, (2 * args.bounces + 2).into());
     let show = |at: Progress| bar.show(at);
     let (mut runs, mut costs, costs_s) = (Vec::new(), CostMaps::new(args.size), Cell::new(0.0));
     let mut record = |traced: Traced<'_>| {
@@ -82,17 +93,20 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     let mut session = Session { balancer, scheduling, show: &show, record: &mut record };
     let mut film = Film::new(args.size)?;
-    // Whoever measures wants streams of all samples.
-    let passes = if args.reference { Passes::whole(args.spp) } else { Passes::doubling(args.spp) };
+    // Whoever measures wants streams of all samples; of an animation nothing but whole frames is shown.
+    let in_one_go = args.reference || args.frames.is_animation();
+    let passes = if in_one_go { Passes::whole(args.spp) } else { Passes::doubling(args.spp) };
     let (begin, end) = (Instant::now(), args.time.map(|time| start + time));
-    let rendered = (0..args.frames).try_for_each(|number| {
+    let rendered = missing.iter().try_for_each(|&number| {
+        let begin = Instant::now();
         film.clear();
         animation.show(number, &mut renderer, &mut session)?;
-        let paths = paths(args, &renderer, &first, number)?;
+        let paths = renderer.paths(motion.camera(number)?, number);
         let frame = Frame { paths: &paths, number, waves: &waves, end };
         frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
             write(&mut pictures, film, number, samples)
-        })
+        })?;
+        Ok(pictures.note(number, begin.elapsed().as_secs_f64(), &provenance)?)
     });
     let waves_s = begin.elapsed().as_secs_f64() - costs_s.get() - pictures.seconds;
     let interrupted = match rendered {
@@ -104,12 +118,13 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let begin = Instant::now();
     drop(film);
     bar.stage("writing");
-    let provenance = Provenance::now(args.balance.seed, names(&devices));
     if interrupted {
         // Before anything that may take longer than the patience with signals.
-        note(format_args!("note: {}; report.json says more, charts and page are not made", pictures.told(args.spp)));
+        note(format_args!("note: {}; {report_name} says more, charts and page are not made", pictures.told(args.spp)));
     } else {
-        write_charts(args, costs.maps(), &runs, &provenance)?;
+        if args.shard.is_none() {
+            write_charts(args, costs.maps(), &runs, &provenance)?;
+        }
         pictures.write_sheet()?;
     }
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
@@ -117,7 +132,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let report = Report {
         schema: SCHEMA,
         provenance,
-        picture: Some(picture_report(args, &pictures, CameraReport::of(&first, described.offset.into()))),
+        picture: Some(picture_report(args, &pictures, whole, &motion, &described)),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -129,9 +144,11 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     write_report(args, &report)?;
     interrupt::check()?;
-    let (maps, picture) = (costs.maps(), &pictures.main());
-    let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &FILES };
-    rendered.write(&args.out.join("report.html"))?;
+    if args.shard.is_none() {
+        let (maps, picture) = (costs.maps(), &pictures.main());
+        let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &FILES };
+        rendered.write(&args.out.join("report.html"))?;
+    }
     drop(bar);
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
@@ -147,19 +164,52 @@ pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u
     Ok(pictures.write((film.size(), film.sums()), || film.exposure(samples), frame, samples)?)
 }
 
-/// What was rendered.
-pub(crate) fn picture_report(args: &RenderArgs, pictures: &Pictures, camera: CameraReport) -> PictureReport {
-    let (frame, samples) = pictures.last().unwrap_or_default();
+/// The pictures that are to be rendered with this motion of the camera.
+pub(crate) fn pictures(args: &RenderArgs, renderer: &Renderer<'_>, motion: &CameraMotion) -> Result<Pictures> {
+    let pictures = Pictures::new(&args.out, &args.frames);
+    if !args.frames.is_animation() {
+        return Ok(pictures);
+    }
+    let AnimationPlan { exposure, fingerprints } = renderer.plan(motion, args.frames.range())?;
+    Ok(pictures.of_animation(exposure, fingerprints))
+}
+
+/// What this process is to render of them.
+pub(crate) fn part(args: &RenderArgs, pictures: &Pictures) -> Part {
+    let part = pictures.part(args.shard.unwrap_or(Shard::WHOLE), args.reference);
+    if part.whole > 0 {
+        let all = part.whole + part.missing.len() as u32;
+        note(format_args!("note: {} of {all} frames are whole in {} already", part.whole, args.out.display()));
+    }
+    part
+}
+
+/// What was rendered; `whole` frames were there before.
+pub(crate) fn picture_report(
+    args: &RenderArgs,
+    pictures: &Pictures,
+    whole: u32,
+    motion: &CameraMotion,
+    scene: &SceneReport,
+) -> PictureReport {
+    let first_frame = args.frames.range().start;
     PictureReport {
         size: args.size,
-        samples,
+        samples: pictures.last().map_or(args.spp, |(_, samples)| samples),
         samples_asked: args.spp,
         bounces: args.bounces,
-        frames: frame + 1,
-        degrees_per_frame: if args.frames > 1 { degrees_per_frame(args) } else { 0.0 },
+        first_frame,
+        frames: whole + pictures.written(),
+        frames_before: whole,
+        shard: args.shard.map(|shard| shard.to_string()),
+        degrees_per_frame: match motion {
+            CameraMotion::Orbit { degrees_per_frame, .. } if args.frames.is_animation() => *degrees_per_frame,
+            _ => 0.0,
+        },
+        camera_path: args.camera.as_ref().map(|file| file.display().to_string()),
         wind: args.wind,
         seed: args.balance.seed,
-        camera,
+        camera: CameraReport::of(&motion.view(first_frame), scene.offset.into()),
     }
 }
 
@@ -168,8 +218,7 @@ pub(crate) struct Stage {
     pub(crate) described: SceneReport,
     pub(crate) devices: Vec<Arc<dyn Device>>,
     pub(crate) balancer: Balancer,
-    /// What the first frame shows.
-    pub(crate) first: View,
+    pub(crate) motion: CameraMotion,
     pub(crate) renderer: Renderer<'static>,
     pub(crate) animation: Animation,
     /// What it took.
@@ -179,11 +228,12 @@ pub(crate) struct Stage {
 impl Stage {
     /// Reads the scene, builds its tree and brings it to the devices.
     pub(crate) fn set(args: &RenderArgs, limits: &Limits, outputs: Option<&Outputs>) -> Result<Self> {
+        let path = args.camera.as_deref().map(CameraPath::read).transpose()?;
         let prepared = args.source.prepare(scene_of(args))?;
         if let Some(outputs) = outputs {
             outputs.spare_materials(&prepared.libraries)?;
         }
-        let first = choose_view(&prepared, args)?;
+        let motion = choose_motion(&prepared, args, path)?;
         let animation = Animation::new(wind(args, &prepared.model)?);
         let devices = args.balance.device.open(args.balance.devices.as_deref())?;
         let begin = Instant::now();
@@ -200,29 +250,20 @@ impl Stage {
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
-            ..Renderer::of(prepared, &first, interrupt::flag())
+            moves: args.wind,
+            ..Renderer::of(prepared, &motion.view(0), interrupt::flag())
         };
-        Ok(Self { described, devices, balancer, first, renderer, animation, seconds })
+        Ok(Self { described, devices, balancer, motion, renderer, animation, seconds })
     }
 }
 
 /// The wind that was asked for.
 fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
-    if args.wind && args.frames == 1 {
+    if args.wind && !args.frames.is_animation() {
         return Err(usage("--wind moves the scene from frame to frame: give --frames 2 or more").into());
     }
-    let wind = args.wind.then(|| {
-        Wind::over(model).ok_or_else(|| {
-            usage(format!("--wind: nothing in {} bends in the wind: render the scene yard", model.source))
-        })
-    });
-    Ok(wind.transpose()?)
-}
-
-/// The paths of a frame of an orbit about the target that begins with the view `first`.
-pub(crate) fn paths(args: &RenderArgs, renderer: &Renderer<'_>, first: &View, frame: u32) -> Result<Paths> {
-    let seen = view::orbit(first, (degrees_per_frame(args) * frame as f32).to_radians());
-    Ok(renderer.paths(seen.camera().context("the camera of the orbit")?, frame))
+    let bends = |wind: Option<Wind>| wind.ok_or_else(|| format!("--wind: nothing in {} bends in it", model.source));
+    Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
 }
 
 pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
@@ -231,35 +272,56 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 
 /// The pictures and `files` in the folder of results.
 pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
-    let pictures = Pictures::new(&args.out, args.frames);
-    let files = files.iter().copied().chain(pictures.sheet());
-    let names: Vec<String> = pictures.names().chain(files.map(str::to_owned)).collect();
-    Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)])
+    let pictures = Pictures::new(&args.out, &args.frames);
+    let names = pictures.files().chain(files.iter().map(PathBuf::from));
+    let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
+    args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
+}
+
+/// Shards write to one folder, each a report of its own.
+fn report_name(args: &RenderArgs) -> String {
+    args.shard.map_or_else(|| "report.json".to_owned(), |shard| format!("report-{shard}.json").replace('/', "-of-"))
 }
 
 pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
-    let path = args.out.join("report.json");
+    let path = args.out.join(report_name(args));
     Ok(output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, report)?))?)
 }
 
-/// The view of the command line, else the scene's.
-fn choose_view(prepared: &Prepared, args: &RenderArgs) -> Result<View> {
-    let base = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
-    let view = View {
-        eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
-        target: args.target.map_or(base.target, |target| prepared.model.place(target)),
-        up: args.up.unwrap_or(base.up),
-        fov_degrees: args.fov.unwrap_or(base.fov_degrees),
+/// The camera of the command line, else the scene's, and how it moves.
+fn choose_motion(prepared: &Prepared, args: &RenderArgs, path: Option<CameraPath>) -> Result<CameraMotion> {
+    let motion = match path {
+        Some(path) => CameraMotion::Path { path, offset: prepared.model.offset },
+        None => {
+            let base = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
+            let first = View {
+                eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
+                target: args.target.map_or(base.target, |target| prepared.model.place(target)),
+                up: args.up.unwrap_or(base.up),
+                fov_degrees: args.fov.unwrap_or(base.fov_degrees),
+            };
+            first.camera().or_usage("--eye, --target, --up, --fov")?;
+            let degrees_per_frame = args.orbit.map_or(ORBIT_STEP_DEGREES, |all| all / args.frames.range().end as f32);
+            CameraMotion::Orbit { first, degrees_per_frame }
+        }
     };
-    view.camera().or_usage("--eye, --target, --up, --fov")?;
-    Ok(view)
+    // Also the first one, by which light and exposure are chosen.
+    motion.check(0..1)?;
+    motion.check(args.frames.range())?;
+    Ok(motion)
 }
 
 fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
-    chart::timeline::write_svg(&args.out.join("timeline.svg"), runs, provenance)?;
-    chart::trace::write_json(&args.out.join("trace.json"), runs, provenance)?;
-    tasks::write_csv(&args.out.join("tasks.csv"), runs, provenance)?;
-    Ok(cost::write_png(&args.out.join("cost.png"), costs)?)
+    let path = |name| args.out.join(name);
+    let (maps, tables) = rayon::join(
+        || cost::write_png(&path("cost.png"), costs),
+        || {
+            chart::timeline::write_svg(&path("timeline.svg"), runs, provenance)?;
+            chart::trace::write_json(&path("trace.json"), runs, provenance)?;
+            tasks::write_csv(&path("tasks.csv"), runs, provenance)
+        },
+    );
+    Ok(maps.and(tables)?)
 }
 
 /// What devices call themselves.

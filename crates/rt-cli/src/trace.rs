@@ -3,11 +3,12 @@
 use crate::args::TraceArgs;
 use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
-use crate::ranks::{self, Ranks};
+use crate::ranks;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
 use crate::{interrupt, progress, render, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
+use rt_cluster::Ranks;
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_render::ranges::RayRanges;
 use rt_report::headline::Headline;
@@ -20,12 +21,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
-    let mut ranks = Ranks::join()?;
+    let mut ranks = ranks::join()?;
     if ranks.size() == 1 {
         return trace(args, &mut ranks).map(|_| ());
     }
     let traced = trace(args, &mut ranks);
-    ranks.leave(traced)
+    ranks::leave(ranks, traced)
 }
 
 /// Traces, with others if there are any; whether those are there still.
@@ -48,10 +49,14 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     Room::now().require(most.saturating_mul(BYTES_PER_GIVEN_RAY), &what, "split the file")?;
     let prepared = args.source.prepare(&args.scene)?;
     outputs.spare_materials(&prepared.libraries)?;
+    let begin = Instant::now();
     let rays = rays.read(prepared.model.offset)?;
+    let load_s = prepared.load_s + begin.elapsed().as_secs_f64();
     let scene = Arc::clone(&prepared.built.scene);
     let devices = args.balance.device.open(args.balance.devices.as_deref())?;
+    let begin = Instant::now();
     let mut balancer = Balancer::open(Arc::clone(&scene), &devices, &scheduling.limits, interrupt::control())?;
+    let setup_s = begin.elapsed().as_secs_f64();
 
     let query = if args.any { Query::Any } else { Query::Closest };
     let spec = StreamSpec::new(query, prepared.precision, args.counts.is_some());
@@ -97,8 +102,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     let estimate: f64 = runs.iter().map(|run| run.report.estimate.seconds).sum();
     let traced: f64 = runs.iter().map(|run| run.report.makespan_s).sum();
     let seconds = Seconds {
-        load: prepared.load_s,
+        load: load_s,
         build: prepared.build_s,
+        setup: setup_s,
         estimate,
         trace: report.as_ref().map_or(traced - estimate, |report| report.makespan_s),
         write: begin.elapsed().as_secs_f64(),

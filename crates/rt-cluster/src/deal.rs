@@ -290,7 +290,7 @@ impl Courier<'_> {
                 Some(End::Finished { .. }) => return Ok(()),
                 Some(End::Refused(why)) => return Err(ClusterError::Refused(why.clone())),
                 Some(End::Stopped(why)) => return Err(ClusterError::Stopped(why.clone())),
-                Some(End::ServerLost(limit)) => return Err(ClusterError::ServerLost(*limit)),
+                Some(End::ServerLost(why)) => return Err(ClusterError::ServerLost(why.clone())),
             }
             if !is_working && self.server.is_none() {
                 // The job's own error says why.
@@ -303,7 +303,13 @@ impl Courier<'_> {
     fn look_after_ranks(&mut self) -> Result<bool, ClusterError> {
         let (now, mut out) = (self.desk.now(), Vec::new());
         let lost = self.transport.lost();
-        let Some(server) = &mut self.server else { return Ok(false) };
+        let Some(server) = &mut self.server else {
+            if let Some((_, why)) = lost.into_iter().find(|(rank, _)| *rank == 0) {
+                self.desk.worker().lose_server(why);
+                self.desk.changed.notify_all();
+            }
+            return Ok(false);
+        };
         for (rank, why) in lost {
             server.lose(now, rank, why, &mut out);
         }

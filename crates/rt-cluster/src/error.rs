@@ -3,7 +3,6 @@
 use crate::TransportError;
 use std::error::Error;
 use std::fmt;
-use std::time::Duration;
 
 /// Why a deal did not come to its end.
 #[derive(Debug)]
@@ -20,8 +19,8 @@ pub enum ClusterError {
     },
     /// This rank has another job before it than rank 0.
     Refused(String),
-    /// Rank 0 says nothing any more.
-    ServerLost(Duration),
+    /// Rank 0 is lost, and how that was noticed.
+    ServerLost(String),
     /// Rank 0 says that all is to stop.
     Stopped(String),
     /// No rank is left that could compute the tiles.
@@ -47,11 +46,9 @@ impl fmt::Display for ClusterError {
                 write!(f, "rank {from} sent no message of this version: start the same program on all nodes")
             }
             Self::Refused(why) => write!(f, "rank 0 does not let this rank take part: {why}"),
-            Self::ServerLost(limit) => write!(
-                f,
-                "rank 0 was not heard of for {} s: it is lost, and with it the results that were not kept",
-                limit.as_secs_f64()
-            ),
+            Self::ServerLost(why) => {
+                write!(f, "rank 0 is lost ({why}), and with it the results that it did not keep: start again")
+            }
             Self::Stopped(why) => write!(f, "rank 0 stopped: {why}"),
             Self::NobodyLeft { unfinished, ranks } => {
                 write!(f, "no rank is left for {unfinished} unfinished tiles:")?;

@@ -41,6 +41,8 @@
 //! ([`Server`], [`Worker`]) do no I/O and know no clock, so that tests and simulations run them through millions of
 //! orders of events; [`deal`] is a thread that carries messages between them and a [`Transport`].
 //!
+//! Processes that know nothing of each other share work as a [`Shard`] says.
+//!
 //! The feature `mpi` adds the module `mpi`, the transport between machines; it needs an MPI library
 //! and libclang to build.
 //!
@@ -56,8 +58,10 @@ mod message;
 #[cfg(feature = "mpi")]
 pub mod mpi;
 mod patience;
+mod ranks;
 mod report;
 mod server;
+mod shard;
 pub mod simulate;
 mod transport;
 mod worker;
@@ -68,7 +72,9 @@ pub use error::ClusterError;
 pub use ledger::{Lease, Ledger};
 pub use message::{ToServer, ToWorker};
 pub use patience::Patience;
+pub use ranks::{JoinError, Ranks};
 pub use report::{ClusterReport, RankReport};
 pub use server::Server;
+pub use shard::{NoShard, Shard};
 pub use transport::{Transport, TransportError};
 pub use worker::{End, Worker};

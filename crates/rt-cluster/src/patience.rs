@@ -20,7 +20,7 @@ impl Default for Patience {
         Self {
             heartbeat: Duration::from_millis(500),
             rank: Duration::from_secs(10),
-            server: Duration::from_secs(60),
+            server: Duration::from_secs(30),
             welcome: Duration::from_secs(600),
         }
     }

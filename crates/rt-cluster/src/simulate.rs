@@ -170,7 +170,7 @@ impl<'a> Simulation<'a> {
             if at >= about.dies_s || self.result.ends[rank as usize].is_some() {
                 if rank == 0 && at >= about.dies_s {
                     // The others find out.
-                    self.result.outcome = Err(ClusterError::ServerLost(Duration::ZERO));
+                    self.result.outcome = Err(ClusterError::ServerLost("it died".to_owned()));
                 }
                 continue;
             }

@@ -50,8 +50,8 @@ pub enum End {
     Refused(String),
     /// Rank 0 stopped.
     Stopped(String),
-    /// Rank 0 was not heard of for so long.
-    ServerLost(Duration),
+    /// Rank 0 is lost, and how that was noticed.
+    ServerLost(String),
 }
 
 impl Worker {
@@ -143,8 +143,13 @@ impl Worker {
         }
         let limit = if self.is_welcome { self.patience.server } else { self.patience.welcome };
         if now.saturating_sub(self.heard) > limit {
-            self.end = Some(End::ServerLost(limit));
+            self.lose_server(format!("it was not heard of for {} s", limit.as_secs_f64()));
         }
+    }
+
+    /// Notes that rank 0 is known to be lost.
+    pub fn lose_server(&mut self, why: String) {
+        self.end.get_or_insert(End::ServerLost(why));
     }
 
     /// How it ended, once it has.

@@ -177,14 +177,44 @@ impl RaySource {
     ///
     /// # Panics
     /// When there are not as many places for the one as for the other.
+    // To be compiled for the instructions of the caller.
+    #[inline(always)]
     pub fn rays(&self, first: u32, rays: &mut [Ray], origins: &mut [u32]) {
         assert_eq!(rays.len(), origins.len(), "a primitive for each ray");
-        if let Self::Camera(camera) = self {
-            camera.rays(first, rays);
-            origins.fill(u32::MAX);
-        } else {
-            for ((ray, origin), index) in rays.iter_mut().zip(origins).zip(first..) {
-                (*ray, *origin) = self.ray(index);
+        match self {
+            Self::Camera(camera) => {
+                camera.rays(first, rays);
+                origins.fill(u32::MAX);
+            }
+            Self::Bounce(bounce) => bounce.rays(first, rays, origins),
+            Self::Explicit { .. } => {
+                for ((ray, origin), index) in rays.iter_mut().zip(origins).zip(first..) {
+                    (*ray, *origin) = self.ray(index);
+                }
+            }
+        }
+    }
+
+    /// The rays of these numbers, which must all be below [`RaySource::len`], and the primitives that they start on.
+    ///
+    /// # Panics
+    /// When there are not as many places of either kind as numbers.
+    #[inline(always)]
+    pub fn rays_of(&self, numbers: &[u32], rays: &mut [Ray], origins: &mut [u32]) {
+        assert!(rays.len() == numbers.len() && origins.len() == numbers.len(), "two places for each ray");
+        match (self, numbers) {
+            // All that are between the first and the last.
+            (_, &[first, .., last])
+                if (last.wrapping_sub(first) as usize).wrapping_add(1) == numbers.len()
+                    && numbers.is_sorted_by(|a, b| a < b) =>
+            {
+                self.rays(first, rays, origins);
+            }
+            (Self::Bounce(bounce), _) => bounce.rays_of(numbers, rays, origins),
+            _ => {
+                for ((ray, origin), &number) in rays.iter_mut().zip(origins).zip(numbers) {
+                    (*ray, *origin) = self.ray(number);
+                }
             }
         }
     }

@@ -6,6 +6,7 @@
 
 /// Three independent-looking words from three words.
 #[must_use]
+#[inline(always)]
 pub const fn pcg3d(mut v: [u32; 3]) -> [u32; 3] {
     const A: u32 = 1_664_525;
     const C: u32 = 1_013_904_223;
@@ -26,6 +27,7 @@ pub const fn pcg3d(mut v: [u32; 3]) -> [u32; 3] {
 
 /// A uniform number in `[0, 1)` from the upper 24 bits of a word; exact in single precision.
 #[must_use]
+#[inline(always)]
 pub fn unit(word: u32) -> f32 {
     (word >> 8) as f32 * (1.0 / 16_777_216.0)
 }
@@ -42,6 +44,7 @@ pub fn pair(seed: u32, index: u32, dimension: u32) -> [f32; 2] {
 /// M. Roberts's R2 sequence (2018) in 32-bit fixed point, shifted by a hash (Cranley and Patterson 1976): the points
 /// of one pixel or one bounce fill the square evenly, and no two pixels share their pattern.
 #[must_use]
+#[inline(always)]
 pub fn spread_pair(seed: u32, index: u32, dimension: u32, sample: u32) -> [f32; 2] {
     // 2³² / g and 2³² / g², g the real root of x³ = x + 1.
     const STEP: [u32; 2] = [0xc13f_a9a9, 0x91e1_0da5];

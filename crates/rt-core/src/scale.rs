@@ -16,8 +16,20 @@ pub const fn exponent(x: f32) -> i32 {
         0 if bits == 0 => 0,
         // A subnormal number is `bits · 2^−149`.
         0 => 32 - bits.leading_zeros() as i32 - 149,
-        biased => biased as i32 - 126,
+        _ => usual_exponent(x),
     }
+}
+
+/// [`exponent`] of numbers that are neither zero nor subnormal.
+#[inline(always)]
+pub(crate) const fn usual_exponent(x: f32) -> i32 {
+    (x.to_bits() >> 23 & 0xff) as i32 - 126
+}
+
+/// 2^exponent for −126 ≤ exponent ≤ 127.
+#[inline(always)]
+pub(crate) const fn usual_power(exponent: i32) -> f32 {
+    f32::from_bits(((exponent + 127) as u32) << 23)
 }
 
 /// The `e` for which `x` is an odd multiple of 2^e. `x` is finite and not zero.

@@ -8,6 +8,7 @@
 //! | [`compare`] | which queue, policy and estimator to use for a scene and devices |
 //! | [`contenders`] | the ways to schedule that other experiments set beside each other |
 //! | [`arguments`] | values on the command lines of programs that run experiments |
+//! | [`verify`] | what the suite of promises found, for people and programs |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
 //! Programs, each with `--help`: `estimation` (what estimates cost and how wrong they are), `coverage` (how often their
@@ -27,6 +28,7 @@ pub mod simulate;
 mod subject;
 mod time_budget;
 pub mod tradeoff;
+pub mod verify;
 
 pub use lab::{Lab, Show};
 

@@ -2,6 +2,7 @@
 
 use crate::memory::NoMemory;
 use rt_balance::BalanceError;
+use rt_scene::camera::NoCamera;
 use std::error::Error;
 use std::fmt;
 
@@ -13,6 +14,8 @@ pub enum RenderError {
     NoMemory(NoMemory),
     /// Its rays could not be traced.
     Trace(BalanceError),
+    /// A frame has no camera.
+    Camera(NoCamera),
     /// A tile that came from another process does not have the bytes of its pixels.
     Tile {
         /// Number of the tile.
@@ -29,6 +32,7 @@ impl fmt::Display for RenderError {
         match self {
             Self::NoMemory(source) => source.fmt(f),
             Self::Trace(source) => source.fmt(f),
+            Self::Camera(source) => source.fmt(f),
             Self::Tile { tile, found, expected } => {
                 write!(f, "tile {tile} came with {found} bytes instead of {expected}")
             }
@@ -41,6 +45,7 @@ impl Error for RenderError {
         match self {
             // What they say is said above.
             Self::Trace(source) => source.source(),
+            Self::Camera(source) => source.source(),
             Self::NoMemory(_) | Self::Tile { .. } => None,
         }
     }
@@ -49,6 +54,12 @@ impl Error for RenderError {
 impl From<NoMemory> for RenderError {
     fn from(source: NoMemory) -> Self {
         Self::NoMemory(source)
+    }
+}
+
+impl From<NoCamera> for RenderError {
+    fn from(source: NoCamera) -> Self {
+        Self::Camera(source)
     }
 }
 

@@ -3,7 +3,8 @@
 use crate::light::exposure;
 use crate::memory::{self, NoMemory};
 use glam::Vec3;
-use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
+use rayon::iter::{IntoParallelIterator, ParallelIterator};
+use std::ops::Range;
 
 /// Sums of radiance over the samples of each pixel, row by row.
 #[derive(Clone, Debug)]
@@ -72,8 +73,8 @@ impl Film {
 #[derive(Debug)]
 pub(crate) struct Radiance(Vec<Vec3>);
 
-/// Rays shaded at once: enough to occupy every core, few enough that their 20 bytes each do not count as memory.
-const SHADE_BATCH: usize = 1 << 18;
+/// Rays that one core shades at a time.
+const CHUNK: usize = 1 << 14;
 
 impl Radiance {
     /// Of so many paths, black.
@@ -81,15 +82,15 @@ impl Radiance {
         Ok(Self(memory::filled(Vec3::ZERO, paths, "the paths of a wave")?))
     }
 
-    /// Adds what `shade` returns for `0..count`, in that order: the place of a path in the part, and its radiance.
-    pub(crate) fn add_all(&mut self, count: usize, shade: impl Fn(usize) -> Option<(usize, Vec3)> + Sync) {
-        for first in (0..count).step_by(SHADE_BATCH) {
-            let batch = first..count.min(first + SHADE_BATCH);
-            let shaded: Vec<Option<(usize, Vec3)>> = batch.into_par_iter().with_min_len(1024).map(&shade).collect();
-            for (path, radiance) in shaded.into_iter().flatten() {
-                self.0[path] += radiance;
-            }
-        }
+    /// Adds what the rays `0..count` bring: `shade` is given some of them and where it goes. `path` says the place in
+    /// the part of a ray's path; the rays go by their paths, one or none for each.
+    pub(crate) fn add_all(
+        &mut self,
+        count: usize,
+        path: impl Fn(usize) -> usize,
+        shade: impl Fn(Range<usize>, &mut Lit<'_>) + Sync,
+    ) {
+        for_paths(&mut self.0, count, path, |range, first, radiance| shade(range, &mut Lit { first, radiance }));
     }
 
     /// Adds that of `samples` paths each to the sums of pixels, path by path: so that sums are the same bits on every
@@ -99,4 +100,38 @@ impl Radiance {
             paths.iter().for_each(|&radiance| *sum += radiance);
         }
     }
+}
+
+/// The radiance of some neighbouring paths.
+pub(crate) struct Lit<'a> {
+    /// Place of the first in the part.
+    first: usize,
+    radiance: &'a mut [Vec3],
+}
+
+impl Lit<'_> {
+    /// Adds to the path at a place of the part.
+    pub(crate) fn add(&mut self, path: usize, radiance: Vec3) {
+        self.radiance[path - self.first] += radiance;
+    }
+}
+
+/// Calls `each`, on all cores, with some of the rays `0..count`, the place of the first one's path, and the `values` of
+/// the paths from there to that of the next rays. The rays go by their paths, whose places `path` tells.
+pub(crate) fn for_paths<T: Send>(
+    values: &mut [T],
+    count: usize,
+    path: impl Fn(usize) -> usize,
+    each: impl Fn(Range<usize>, usize, &mut [T]) + Sync,
+) {
+    let mut chunks = Vec::with_capacity(count.div_ceil(CHUNK));
+    let (mut rest, mut first) = (values, 0);
+    for begin in (0..count).step_by(CHUNK) {
+        let end = count.min(begin + CHUNK);
+        let next = if end < count { path(end) } else { first + rest.len() };
+        let (own, others) = rest.split_at_mut(next - first);
+        chunks.push((begin..end, first, own));
+        (rest, first) = (others, next);
+    }
+    chunks.into_par_iter().for_each(|(rays, first, values)| each(rays, first, values));
 }

@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn passes_grow_and_cover_all_samples_once() {
         assert_eq!(counts(Passes::doubling(16), 0, u32::MAX), [1, 2, 4, 9]);
-        assert_eq!(counts(Passes::doubling(16), 3, u32::MAX), [1, 3, 12]);
+        assert_eq!(counts(Passes::doubling(16), 3, u32::MAX), [1, 3, 6, 6]);
         assert_eq!(counts(Passes::doubling(16), u32::MAX, u32::MAX), [1, 15]);
         assert_eq!(counts(Passes::doubling(1), 9, u32::MAX), [1]);
         assert_eq!(counts(Passes::whole(16), 0, u32::MAX), [16]);

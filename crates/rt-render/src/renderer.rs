@@ -1,16 +1,19 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded.
 
-use crate::film::Radiance;
+use crate::film::{Lit, Radiance, for_paths};
 use crate::{Light, RenderError, memory};
 use glam::Vec3;
 use rt_balance::report::StreamRun;
 use rt_balance::sample::Fraction;
 use rt_balance::{Balancer, Control, Scheduling, Stream};
-use rt_core::bounce::Surfaces;
-use rt_core::{Camera, Hit, Precision, RaySource, StreamKind, random};
+use rt_bvh::Stack;
+use rt_core::bounce::{Departure, Surfaces};
+use rt_core::{Camera, Hit, Precision, Ray, RaySource, StreamKind, StreamSpec, TestCounts, random};
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{PathStream, Paths, Samples, Wave};
 use rt_scene::{Colours, View};
+use rt_simd::Kernel;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -75,9 +78,11 @@ pub struct Renderer<'a> {
     pub seed: u32,
     /// Whether every task is measured by itself in separate passes.
     pub reference: bool,
-    /// Whether streams of the first frame that were traced without an estimate are estimated afterwards, to see what
-    /// that would have said.
-    pub unused: bool,
+    /// The frame whose streams, where they were traced without an estimate, are estimated afterwards, to see what that
+    /// would have said.
+    pub unused: Option<u32>,
+    /// Whether the scene moves, by the number of the frame: see [`Animation`](crate::Animation).
+    pub moves: bool,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
@@ -163,7 +168,8 @@ impl<'a> Renderer<'a> {
             cut: TaskCut::Suited,
             seed: 0,
             reference: false,
-            unused: false,
+            unused: None,
+            moves: false,
             cancel,
         }
     }
@@ -186,6 +192,16 @@ impl Renderer<'_> {
     /// # Errors
     /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
     pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<(), RenderError> {
+        self.shade(part, sums, &mut |stream| self.trace(session, part, stream))
+    }
+
+    /// Renders a part with hits that `trace` finds.
+    pub(crate) fn shade(
+        &self,
+        part: Part<'_>,
+        sums: &mut [Vec3],
+        trace: &mut dyn FnMut(&PathStream) -> Result<Vec<Hit>, RenderError>,
+    ) -> Result<(), RenderError> {
         let Part { paths, wave, samples, .. } = part;
         let count = wave.pixels.len() * samples.count as usize;
         let mut radiance = Radiance::new(count)?;
@@ -193,7 +209,7 @@ impl Renderer<'_> {
         let mut throughput = memory::filled(Vec3::ONE, count, "the rays of a wave")?;
         let mut front = paths.part(wave, samples);
         for bounce in 0..=self.bounces {
-            let hits = self.trace(session, part, &front)?;
+            let hits = trace(&front)?;
             let seen = Seen { stream: &front, throughput: &throughput, part };
             self.add_misses(&seen, &hits, &mut radiance);
             // The last bounce's light is not followed any further.
@@ -201,17 +217,15 @@ impl Renderer<'_> {
                 self.add_fill(&seen, &hits, &mut radiance);
                 let shadow = paths.end(&front, &hits);
                 drop(hits);
-                let blocked = self.trace(session, part, &shadow)?;
+                let blocked = trace(&shadow)?;
                 self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
                 break;
             }
             let [shadow, diffuse] = paths.follow(&front, &hits);
             drop(hits);
-            let blocked = self.trace(session, part, &shadow)?;
+            let blocked = trace(&shadow)?;
             self.add_sunlight(&Seen { stream: &shadow, ..seen }, &blocked, &mut radiance);
-            for from in diffuse.departures() {
-                throughput[samples.place(from.path, paths.samples) as usize] *= self.colours.of(from.primitive);
-            }
+            self.dim(&mut throughput, &Seen { stream: &diffuse, throughput: &[], part });
             front = diffuse;
         }
         radiance.add_to(sums, samples.count as usize);
@@ -242,44 +256,128 @@ impl Renderer<'_> {
         if self.reference {
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
         }
-        if self.unused && part.frame == 0 && run.report.estimate.is_uninformed() {
+        if self.unused == Some(part.frame) && run.report.estimate.is_uninformed() {
             balancer.estimate_unused(&stream, &mut run, UNUSED_FRACTION, scheduling.limits, quiet)?;
         }
         record(Traced { run, stream: path_stream, part });
         Ok(hits)
     }
 
-    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
-        radiance.add_all(hits.len(), |i| {
-            let sky = || self.light.sky(seen.stream.source.ray(i as u32).0.direction);
-            (!hits[i].is_hit()).then(|| seen.through(i, sky()))
+    /// What paths lose where they leave a surface.
+    fn dim(&self, throughput: &mut [Vec3], left: &Seen<'_>) {
+        let departures = left.stream.departures();
+        for_paths(
+            throughput,
+            departures.len(),
+            |i| left.path(i),
+            |rays, first, throughput| {
+                for i in rays {
+                    throughput[left.path(i) - first] *= self.colours.of(departures[i].primitive);
+                }
+            },
+        );
+    }
+
+    /// The hits of a stream, found on this thread and without a device; `counted` is told what each ray cost.
+    pub(crate) fn walk(&self, stream: &PathStream, mut counted: impl FnMut(TestCounts)) -> Vec<Hit> {
+        let scene = self.surfaces.scene();
+        let spec = StreamSpec { counts: true, ..stream.spec(self.precision) };
+        let rays = (0..stream.source.len()).map(|ray| stream.source.ray(ray));
+        let mut hits = Vec::with_capacity(stream.source.len() as usize);
+        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, counts| {
+            counted(counts);
+            hits.push(hit);
         });
+        hits
+    }
+
+    fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
+        radiance.add_all(
+            hits.len(),
+            |i| seen.path(i),
+            |rays, lit| {
+                let mut window = Window::new();
+                for rays in windows(rays).filter(|rays| hits[rays.clone()].iter().any(|hit| !hit.is_hit())) {
+                    let made = window.make(&seen.stream.source, &rays);
+                    for (i, ray) in rays.zip(made).filter(|(i, _)| !hits[*i].is_hit()) {
+                        seen.light(lit, i, self.light.sky(ray.direction));
+                    }
+                }
+            },
+        );
     }
 
     fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], radiance: &mut Radiance) {
         let departures = seen.stream.departures();
-        radiance.add_all(blocked.len(), |i| {
-            if blocked[i].is_hit() {
-                return None;
-            }
-            let from = &departures[i];
-            let normal = self.surfaces.triangle(from.primitive)?.area_normal().try_normalize()?.as_vec3();
-            let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
-            Some(seen.through(i, self.colours.of(from.primitive) * self.light.sunlight(facing)))
-        });
+        radiance.add_all(
+            blocked.len(),
+            |i| seen.path(i),
+            |rays, lit| {
+                let mut window = Window::new();
+                for rays in windows(rays).filter(|rays| blocked[rays.clone()].iter().any(|hit| !hit.is_hit())) {
+                    let normals = window.normals(&self.surfaces, &departures[rays.clone()]);
+                    for (i, normal) in rays.zip(normals).filter(|(i, _)| !blocked[*i].is_hit()) {
+                        let from = &departures[i];
+                        let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
+                        seen.light(lit, i, self.colours.of(from.primitive) * self.light.sunlight(facing));
+                    }
+                }
+            },
+        );
     }
 
     fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
-        radiance.add_all(hits.len(), |i| {
-            let hit = &hits[i];
-            // Only directions of camera rays have any length.
-            let length = || match &seen.stream.source {
-                RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
-                _ => 1.0,
-            };
-            let light = || self.colours.of(hit.primitive) * self.light.fill(hit.t * length());
-            hit.is_hit().then(|| seen.through(i, light()))
-        });
+        radiance.add_all(
+            hits.len(),
+            |i| seen.path(i),
+            |rays, lit| {
+                for i in rays.filter(|&i| hits[i].is_hit()) {
+                    let hit = &hits[i];
+                    // Only directions of camera rays have any length.
+                    let length = match &seen.stream.source {
+                        RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
+                        _ => 1.0,
+                    };
+                    seen.light(lit, i, self.colours.of(hit.primitive) * self.light.fill(hit.t * length));
+                }
+            },
+        );
+    }
+}
+
+/// Rays that are shaded together.
+const WINDOW: usize = 256;
+
+fn windows(rays: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    let end = rays.end;
+    rays.step_by(WINDOW).map(move |first| first..end.min(first + WINDOW))
+}
+
+/// What is made of the rays of a window, many at a time.
+struct Window {
+    kernel: Kernel,
+    rays: [Ray; WINDOW],
+    primitives: [u32; WINDOW],
+    normals: [Vec3; WINDOW],
+}
+
+impl Window {
+    fn new() -> Self {
+        let rays = [Ray::new(Vec3::ZERO, Vec3::ZERO); WINDOW];
+        Self { kernel: Kernel::best(), rays, primitives: [0; WINDOW], normals: [Vec3::ZERO; WINDOW] }
+    }
+
+    fn make(&mut self, source: &RaySource, numbers: &Range<usize>) -> &[Ray] {
+        let made = &mut self.rays[..numbers.len()];
+        self.kernel.make(source, numbers.start as u32, made, &mut self.primitives[..numbers.len()]);
+        made
+    }
+
+    fn normals(&mut self, surfaces: &Surfaces, departures: &[Departure]) -> &[Vec3] {
+        let (primitives, normals) = (&mut self.primitives[..departures.len()], &mut self.normals[..departures.len()]);
+        primitives.iter_mut().zip(departures).for_each(|(primitive, from)| *primitive = from.primitive);
+        self.kernel.normals(surfaces, primitives, normals);
+        normals
     }
 }
 
@@ -293,10 +391,15 @@ struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// What light that comes along ray `i` adds to which path of the part.
-    fn through(&self, i: usize, light: Vec3) -> (usize, Vec3) {
+    /// The place of ray `i`'s path among those of the part.
+    fn path(&self, i: usize) -> usize {
         let Part { samples, paths, .. } = self.part;
-        let path = samples.place(self.stream.path(i as u32), paths.samples) as usize;
-        (path, self.throughput[path] * light)
+        samples.place(self.stream.path(i as u32), paths.samples) as usize
+    }
+
+    /// Adds light that comes along ray `i`.
+    fn light(&self, lit: &mut Lit<'_>, i: usize, light: Vec3) {
+        let path = self.path(i);
+        lit.add(path, self.throughput[path] * light);
     }
 }

@@ -7,9 +7,8 @@
 
 use crate::{Film, Part, RenderError, Renderer, Session};
 use glam::Vec3;
-use rt_bvh::Stack;
 use rt_cluster::Job;
-use rt_core::{Scene, StreamSpec};
+use rt_core::Scene;
 use rt_scene::streams::{PathStream, Paths, Samples, Wave, Waves};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -99,15 +98,25 @@ pub fn hash_tree(scene: &Scene, hash: &mut impl Hasher) {
 /// differ render different pictures.
 #[must_use]
 pub fn fingerprint(scene: u64, renderer: &Renderer<'_>, paths: &Paths, tiles: &Waves) -> u64 {
-    let mut hash = DefaultHasher::new();
+    hashed(&format!("{} {tiles:?}", described(scene, renderer, paths)))
+}
+
+/// Of everything that decides what a frame's picture is, however it is cut and whoever renders it.
+pub(crate) fn fingerprint_of_picture(scene: u64, renderer: &Renderer<'_>, paths: &Paths, exposure: f32) -> u64 {
+    hashed(&format!("{} {exposure:?}", described(scene, renderer, paths)))
+}
+
+/// What decides what pixels are; floats are written so that they can be read back to the bit.
+fn described(scene: u64, renderer: &Renderer<'_>, paths: &Paths) -> String {
     let Paths { camera, size, samples, seed, sun, .. } = paths;
-    let (bounces, precision, light) = (renderer.bounces, renderer.precision, renderer.light);
+    let Renderer { bounces, precision, light, moves, .. } = renderer;
     let version = env!("CARGO_PKG_VERSION");
-    // Floats are written so that they can be read back to the bit.
-    format!(
-        "{version} {scene} {camera:?} {size:?} {samples} {seed} {sun:?} {bounces} {precision:?} {light:?} {tiles:?}"
-    )
-    .hash(&mut hash);
+    format!("{version} {scene} {moves} {camera:?} {size:?} {samples} {seed} {sun:?} {bounces} {precision:?} {light:?}")
+}
+
+fn hashed(text: &str) -> u64 {
+    let mut hash = DefaultHasher::new();
+    text.hash(&mut hash);
     hash.finish()
 }
 
@@ -122,15 +131,9 @@ fn price(renderer: &Renderer<'_>, paths: &Paths, wave: &Wave) -> f32 {
     let paths = Paths { samples: 1, ..paths.clone() };
     let mut tests = 0_u64;
     let mut trace = |stream: &PathStream| {
-        let scene = renderer.surfaces.scene();
-        let spec = StreamSpec { counts: true, ..stream.spec(renderer.precision) };
-        let rays = (0..stream.source.len()).map(|ray| stream.source.ray(ray));
-        let mut hits = Vec::with_capacity(stream.source.len() as usize);
-        rt_bvh::trace(scene, &mut Stack::for_scene(scene), spec, rays, |hit, counts| {
+        renderer.walk(stream, |counts| {
             tests += u64::from(counts.boxes) + u64::from(counts.triangles) + TESTS_PER_RAY;
-            hits.push(hit);
-        });
-        hits
+        })
     };
     let mut front = paths.primary(&picked);
     for bounce in 0..=renderer.bounces {

@@ -25,7 +25,8 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
     if radiance.len() as u64 != pixels {
         return Err(ReportError::Pixels { size: [width, height], found: radiance.len() });
     }
-    write(path, [width, height], |out| {
+    // A picture is written after every pass, and its noise leaves little to compress.
+    write(path, [width, height], png::Compression::Fast, |out| {
         let mut bytes: Vec<[u8; 3]> = Vec::new();
         for block in radiance.chunks(BLOCK) {
             block.par_iter().map(|&pixel| encode(pixel * exposure)).collect_into_vec(&mut bytes);
@@ -37,27 +38,30 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
 
 /// Writes 8-bit sRGB pixels, three bytes each, as a PNG.
 pub(crate) fn write_rgb(path: &Path, width: u32, height: u32, bytes: &[u8]) -> Result<(), ReportError> {
-    write(path, [width, height], |out| out.write_all(bytes))
+    write(path, [width, height], png::Compression::Balanced, |out| out.write_all(bytes))
 }
 
 /// Writes a PNG whose pixels `pixels` writes, three bytes each.
 fn write(
     path: &Path,
     size: [u32; 2],
+    compression: png::Compression,
     pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), ReportError> {
-    write_atomically(path, |out| encode_png(out, size, pixels))
+    write_atomically(path, |out| encode_png(out, size, compression, pixels))
 }
 
 fn encode_png(
     out: impl Write,
     [width, height]: [u32; 2],
+    compression: png::Compression,
     pixels: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
     let mut encoder = png::Encoder::new(out, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_compression(compression);
     let mut writer = encoder.write_header().map_err(unwrapped)?;
     let mut stream = writer.stream_writer().map_err(unwrapped)?;
     pixels(&mut stream)?;
@@ -87,7 +91,8 @@ fn scaled(path: &Path, most: u32) -> io::Result<Preview> {
         return Ok(Preview { png: fs::read(path)?, one_in });
     }
     let mut png = Vec::new();
-    encode_png(&mut png, [width, height].map(|side| side.div_ceil(one_in)), |out| {
+    let size = [width, height].map(|side| side.div_ceil(one_in));
+    encode_png(&mut png, size, png::Compression::Balanced, |out| {
         shrink(&mut reader, one_in, &mut |row| out.write_all(row.as_flattened()))
     })?;
     Ok(Preview { png, one_in })

@@ -1,8 +1,10 @@
-//! The pictures of a run: their names in its folder, written one after the other with one exposure.
+//! The pictures of a run: their names in its folder, written with one exposure.
 
+use crate::frames::{self, Frames, Rendered};
 use crate::output::names;
-use crate::{ReportError, image};
+use crate::{Provenance, ReportError, image};
 use glam::Vec3;
+use rt_cluster::Shard;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -16,34 +18,96 @@ const ALONE: &str = "image.png";
 #[derive(Clone, Debug)]
 pub struct Pictures {
     folder: PathBuf,
-    frames: u32,
-    exposure: f32,
+    frames: Frames,
+    /// That of all frames of an animation, and for each of everything that decides what it is.
+    animation: Option<(f32, Vec<u64>)>,
     /// The frame that was written last, and how many samples it has.
     last: Option<(u32, u32)>,
+    /// Frames that were written, each counted once.
+    written: u32,
     /// Seconds that writing took.
     pub seconds: f64,
 }
 
 impl Pictures {
-    /// So many frames, none of which is written yet.
+    /// Frames, none of which is written yet.
     #[must_use]
-    pub fn new(folder: &Path, frames: u32) -> Self {
-        Self { folder: folder.to_owned(), frames, exposure: 1.0, last: None, seconds: 0.0 }
+    pub fn new(folder: &Path, frames: &Frames) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            frames: frames.clone(),
+            animation: None,
+            last: None,
+            written: 0,
+            seconds: 0.0,
+        }
     }
 
-    /// The names of all frames.
-    pub fn names(&self) -> impl Iterator<Item = String> {
-        (0..self.frames).map(|frame| self.name(frame))
+    /// The same of an animation, with one exposure for all frames, whichever are written and in whatever order, and for
+    /// each a fingerprint of everything that decides what it is.
+    #[must_use]
+    pub fn of_animation(self, exposure: f32, fingerprints: Vec<u64>) -> Self {
+        Self { animation: Some((exposure, fingerprints)), ..self }
+    }
+
+    /// The names of all files: the pictures and, of an animation, what lies beside each and the sheet.
+    pub fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let beside = self.frames.is_animation().then(|| self.names().map(frames::beside));
+        self.names().map(PathBuf::from).chain(beside.into_iter().flatten()).chain(self.sheet().map(PathBuf::from))
+    }
+
+    fn names(&self) -> impl Iterator<Item = String> {
+        self.frames.range().map(|frame| self.name(frame))
     }
 
     fn name(&self, frame: u32) -> String {
-        if self.frames == 1 { ALONE.to_owned() } else { format!("image-{frame:04}.png") }
+        if self.frames.is_animation() { format!("image-{frame:04}.png") } else { ALONE.to_owned() }
     }
 
-    /// The name of the sheet with all frames, where there are several.
+    fn path(&self, frame: u32) -> PathBuf {
+        self.folder.join(self.name(frame))
+    }
+
+    /// The name of the sheet with all frames, of an animation.
+    fn sheet(&self) -> Option<&'static str> {
+        self.frames.is_animation().then_some(SHEET)
+    }
+
+    /// What a shard is to render; with `anew` also what is whole. A picture alone is always rendered.
+    ///
+    /// Frames are dealt by the seconds that they took in the run before. They are the same numbers while others render
+    /// frames of this run, so that all shards make the same deal, whenever they begin.
     #[must_use]
-    pub fn sheet(&self) -> Option<&'static str> {
-        (self.frames > 1).then_some(SHEET)
+    pub fn part(&self, shard: Shard, anew: bool) -> Part {
+        let frames: Vec<u32> = self.frames.range().collect();
+        let seconds: Vec<Option<f64>> = frames.iter().map(|&frame| self.seconds_before(frame)).collect();
+        let own = shard.part(&seconds).into_iter().map(|index| frames[index]);
+        let (whole, missing): (Vec<u32>, Vec<u32>) = own.partition(|&frame| !anew && self.is_whole(frame));
+        Part { missing, whole: whole.len() as u32 }
+    }
+
+    fn fingerprint(&self, frame: u32) -> Option<u64> {
+        let (_, fingerprints) = self.animation.as_ref()?;
+        fingerprints.get((frame - self.frames.range().start) as usize).copied()
+    }
+
+    fn is_whole(&self, frame: u32) -> bool {
+        self.fingerprint(frame).is_some_and(|fingerprint| frames::is_whole(&self.path(frame), fingerprint))
+    }
+
+    fn seconds_before(&self, frame: u32) -> Option<f64> {
+        frames::seconds_before(&self.path(frame), self.fingerprint(frame)?)
+    }
+
+    /// Notes beside a frame of an animation, which was written last and took so many seconds, that it is whole.
+    ///
+    /// # Errors
+    /// When the picture cannot be read or the note not be written.
+    pub fn note(&self, frame: u32, seconds: f64, provenance: &Provenance) -> Result<(), ReportError> {
+        let (Some(fingerprint), Some((_, samples))) = (self.fingerprint(frame), self.last) else { return Ok(()) };
+        let seconds_before = self.seconds_before(frame);
+        let rendered = Rendered { frame, samples, fingerprint, seconds, seconds_before, provenance };
+        frames::note(&self.path(frame), &rendered)
     }
 
     /// The picture that shows most: the sheet, or the only one.
@@ -53,7 +117,7 @@ impl Pictures {
     }
 
     /// Writes a frame: sums of the radiance of so many samples of each pixel, in the order of [`image::write_png`].
-    /// Every frame has the exposure of the first, which `exposure` computes.
+    /// Its exposure is that of all frames, or what `exposure` computes where there is none.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -65,23 +129,31 @@ impl Pictures {
         samples: u32,
     ) -> Result<(), ReportError> {
         let begin = Instant::now();
-        if frame == 0 {
-            self.exposure = exposure();
-        }
-        image::write_png(&self.folder.join(self.name(frame)), size, sums, self.exposure / samples as f32)?;
+        let exposure = self.animation.as_ref().map_or_else(exposure, |(exposure, _)| *exposure);
+        image::write_png(&self.path(frame), size, sums, exposure / samples as f32)?;
+        // Passes of a frame follow each other.
+        self.written += u32::from(self.last.is_none_or(|(last, _)| last != frame));
         self.last = Some((frame, samples));
         self.seconds += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Writes the sheet, where there are several frames.
+    /// Writes the sheet of an animation, if all of its frames are whole by now.
     ///
     /// # Errors
     /// When a frame cannot be read or the file not be written.
     pub fn write_sheet(&self) -> Result<(), ReportError> {
-        let Some(sheet) = self.sheet() else { return Ok(()) };
+        let Some(sheet) = self.sheet().filter(|_| self.frames.range().all(|frame| self.is_whole(frame))) else {
+            return Ok(());
+        };
         let frames: Vec<PathBuf> = self.names().map(|name| self.folder.join(name)).collect();
         image::write_contact_sheet(&self.folder.join(sheet), &frames)
+    }
+
+    /// How many frames were written.
+    #[must_use]
+    pub const fn written(&self) -> u32 {
+        self.written
     }
 
     /// The frame that was written last, and how many samples of each pixel it has.
@@ -94,7 +166,7 @@ impl Pictures {
     #[must_use]
     pub fn told(&self, all: u32) -> String {
         let (frame, samples) = self.last.unwrap_or_default();
-        format!("{} has {samples} of {all} samples of each pixel", self.folder.join(self.name(frame)).display())
+        format!("{} has {samples} of {all} samples of each pixel", self.path(frame).display())
     }
 
     /// Pictures of earlier runs that will lie beside these, in a sentence; `None` where there is none.
@@ -103,8 +175,8 @@ impl Pictures {
         let number = |name: &str| name.strip_prefix("image-")?.strip_suffix(".png")?.parse::<u32>().ok();
         let is_picture = |name: &str| name == SHEET || name == ALONE || number(name).is_some();
         let is_own = |name: &str| match number(name) {
-            Some(frame) => self.frames > 1 && frame < self.frames,
-            None => (name == SHEET) == (self.frames > 1),
+            Some(frame) => self.frames.is_animation() && self.frames.range().contains(&frame),
+            None => (name == SHEET) == self.frames.is_animation(),
         };
         let left = names(&self.folder, |name| is_picture(name) && !is_own(name));
         let first = left.first()?;
@@ -116,6 +188,15 @@ impl Pictures {
     }
 }
 
+/// What one of several processes renders of an animation.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Part {
+    /// The frames that it is to render, in their order.
+    pub missing: Vec<u32>,
+    /// How many others of its frames are whole already.
+    pub whole: u32,
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -124,10 +205,10 @@ mod tests {
     #[test]
     fn frames_share_an_exposure_and_others_pictures_are_told() {
         let dir = tempfile::tempdir().unwrap();
-        let mut pictures = Pictures::new(dir.path(), 2);
+        let mut pictures = Pictures::new(dir.path(), &"2".parse().unwrap()).of_animation(0.25, vec![7, 8]);
         let grey = |value: f32| ([1, 1], vec![Vec3::splat(value)]);
         let (size, dark) = grey(0.5);
-        pictures.write((size, &dark), || 0.25, 0, 1).unwrap();
+        pictures.write((size, &dark), || 100.0, 0, 1).unwrap();
         // Twice as bright, of twice as many samples.
         let (_, bright) = grey(1.0);
         pictures.write((size, &bright), || 100.0, 1, 2).unwrap();
@@ -137,11 +218,48 @@ mod tests {
         assert_eq!(pictures.last(), Some((1, 2)));
         assert!(pictures.told(8).ends_with("image-0001.png has 2 of 8 samples of each pixel"));
         assert_eq!(pictures.leftovers(), None);
-        pictures.write_sheet().unwrap();
         assert_eq!(pictures.main(), dir.path().join("contact.png"));
-        let alone = Pictures::new(dir.path(), 1).leftovers().unwrap();
+        pictures.write_sheet().unwrap();
+        assert!(!pictures.main().exists(), "no frame is known to be whole");
+        let provenance = Provenance::now(1, ["cpu:1"]);
+        pictures.note(0, 2.0, &provenance).unwrap();
+        assert_eq!(pictures.part(Shard::WHOLE, false), Part { missing: vec![1], whole: 1 });
+        assert_eq!(pictures.part(Shard::WHOLE, true), Part { missing: vec![0, 1], whole: 0 });
+        pictures.note(1, 5.0, &provenance).unwrap();
+        pictures.write_sheet().unwrap();
+        assert!(pictures.main().exists());
+        let alone = Pictures::new(dir.path(), &Frames::ALONE).leftovers().unwrap();
         assert!(alone.starts_with("3 pictures in ") && alone.ends_with("run: contact.png and others"), "{alone}");
         std::fs::write(dir.path().join("image.png"), "").unwrap();
         assert!(pictures.leftovers().unwrap().starts_with("image.png in "));
+    }
+
+    /// Fails when a shard deals by what others of the same run have written by then: frames that nobody renders.
+    #[test]
+    fn shards_that_begin_late_make_the_same_deal() {
+        let dir = tempfile::tempdir().unwrap();
+        let provenance = Provenance::now(1, ["cpu:1"]);
+        let run = |fingerprint: u64| {
+            let frames = "4..10".parse().unwrap();
+            Pictures::new(dir.path(), &frames).of_animation(1.0, (fingerprint..fingerprint + 6).collect())
+        };
+        let render = |pictures: &mut Pictures, frames: &[u32], seconds: f64| {
+            for &frame in frames {
+                pictures.write(([1, 1], &[Vec3::ONE]), || 1.0, frame, 4).unwrap();
+                pictures.note(frame, seconds * f64::from(frame), &provenance).unwrap();
+            }
+        };
+        let mut first = run(100);
+        let deal = Shard::all(3).map(|shard| first.part(shard, false).missing).collect::<Vec<_>>();
+        assert_eq!(deal, [[4, 7], [5, 8], [6, 9]]);
+        render(&mut first, &[4, 5, 6, 7, 8, 9], 1.0);
+        // The last frames were the most expensive ones.
+        let mut second = run(200);
+        let deal = Shard::all(3).map(|shard| second.part(shard, false).missing).collect::<Vec<_>>();
+        assert_eq!(deal, [[4, 9], [5, 8], [6, 7]]);
+        render(&mut second, &deal[1], 0.01);
+        assert_eq!(second.part("2/3".parse().unwrap(), false), Part { missing: Vec::new(), whole: 2 });
+        assert_eq!(second.part("1/3".parse().unwrap(), false).missing, deal[0]);
+        assert_eq!(second.part("3/3".parse().unwrap(), false).missing, deal[2]);
     }
 }

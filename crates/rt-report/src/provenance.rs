@@ -100,7 +100,8 @@ fn command_line() -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
-fn quoted(word: &str) -> String {
+/// A word as a shell takes it.
+pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./,:@=+".contains(c);
     if !word.is_empty() && word.chars().all(plain) {
         word.to_owned()

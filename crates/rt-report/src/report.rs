@@ -101,15 +101,23 @@ pub struct PictureReport {
     pub samples_asked: u32,
     /// Diffuse bounces.
     pub bounces: u32,
-    /// Frames that are there.
+    /// Number of the first frame that was asked for.
+    pub first_frame: u32,
+    /// Frames that are there: of a shard, its own.
     pub frames: u32,
-    /// Degrees by which the camera turns from one to the next.
+    /// How many of them were there before.
+    pub frames_before: u32,
+    /// Which of several processes this was that share the frames, as `3/8`.
+    pub shard: Option<String>,
+    /// Degrees by which the camera turns from one to the next; 0 along a path.
     pub degrees_per_frame: f32,
+    /// The file of key frames that the camera moves along.
+    pub camera_path: Option<String>,
     /// Whether wind moves the scene from one to the next.
     pub wind: bool,
     /// Seed of all random numbers.
     pub seed: u32,
-    /// The first frame's camera.
+    /// The camera of the first frame that was asked for.
     pub camera: CameraReport,
 }
 

@@ -3,6 +3,7 @@
 use crate::report::{PictureReport, Report, Seconds};
 use crate::table::{self, grouped, seconds};
 use rt_balance::report::StreamRun;
+use rt_cluster::ClusterReport;
 use std::fmt::Write;
 use std::io::{IsTerminal, stdout};
 use std::path::Path;
@@ -111,6 +112,20 @@ pub fn rendered(report: &Report, runs: &[StreamRun], explain: bool, out: &Path, 
         format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", out.display());
     let _ = writeln!(text, "{}", wrapped(&written, "    ", width));
     text + "\n" + &headline(report, width)
+}
+
+/// What each of several processes did, and what they said to each other.
+#[must_use]
+pub fn ranks(deals: &[ClusterReport], width: usize) -> String {
+    let makespan: f64 = deals.iter().map(|deal| deal.makespan_s).sum();
+    let tiles: u32 = deals.iter().map(|deal| deal.tiles).sum();
+    let messages: u64 = deals.iter().map(|deal| deal.messages).sum();
+    let kilobytes = deals.iter().map(|deal| deal.bytes).sum::<u64>().div_ceil(1000);
+    format!(
+        "{}\n  {tiles} tiles in {makespan:.2} s, {messages} messages of {} kB together\n",
+        table::rank_table(deals).to_text(width),
+        grouped(kilobytes)
+    )
 }
 
 /// Where the time went.

@@ -1,13 +1,14 @@
 //! Scenes, cameras and ray streams.
 //!
 //! [`obj`] loads a [`Model`] of a Wavefront file and, with the feature `formats` (default), `files` of any format,
-//! [`builtin`] generates one, [`npy`] reads a caller's rays, [`view`] finds a camera for it, [`scan`] looks at its
-//! numbers and plans how to trace it, and [`streams`] makes the rays: camera rays in waves, then shadow and diffuse
-//! rays from the hits of a stream before. [`scenes`] lists what can be named without a file, and [`prepare`] makes of a
-//! name or a file what can be traced. [`wind`] moves what bends in it.
+//! [`builtin`] generates one, [`npy`] reads a caller's rays, [`view`] finds a camera for it, [`camera`] moves that from
+//! frame to frame, [`scan`] looks at its numbers and plans how to trace it, and [`streams`] makes the rays: camera rays
+//! in waves, then shadow and diffuse rays from the hits of a stream before. [`scenes`] lists what can be named without
+//! a file, and [`prepare`] makes of a name or a file what can be traced. [`wind`] moves what bends in it.
 #![forbid(unsafe_code)]
 
 pub mod builtin;
+pub mod camera;
 #[cfg(feature = "formats")]
 pub mod files;
 mod frame;

@@ -1,5 +1,6 @@
 //! Cameras: those listed beside a file, one for a model that brings none, and turning it for animations.
 
+use crate::camera::Shot;
 use crate::frame::frame;
 use crate::{Model, View};
 use glam::{DQuat, DVec3, Vec3};
@@ -151,15 +152,8 @@ pub fn listed(path: &Path, model: &Model) -> Option<View> {
 pub fn from_row(row: &str, file: &str, model: &Model) -> Option<View> {
     let fields: Vec<&str> = row.split('\t').collect();
     let [name, eye, target, up, fov] = fields[..] else { return None };
-    if name != file {
-        return None;
-    }
-    let point = |text: &str| {
-        let numbers: Vec<f64> = text.split_whitespace().map_while(|n| n.parse().ok()).collect();
-        Some(DVec3::from(<[f64; 3]>::try_from(numbers).ok()?))
-    };
-    let [eye, target] = [eye, target].map(|text| Some(model.place(point(text)?)));
-    Some(View { eye: eye?, target: target?, up: point(up)?.as_vec3(), fov_degrees: fov.trim().parse().ok()? })
+    let shot = (name == file).then(|| Shot::parse([eye, target, up, fov]).ok())??;
+    Some(shot.view(model.offset))
 }
 
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen

@@ -25,13 +25,26 @@ pub struct Simulation {
     pub in_flight: usize,
     /// Devices that stop working, and when, in seconds. Launches that have not ended by then are lost.
     pub failures: Vec<(usize, f64)>,
+    /// How the speeds of devices change while they run, in the order of time: heat, or other programs on their cores.
+    pub changes: Vec<SpeedChange>,
+}
+
+/// A device that goes on at another speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedChange {
+    /// The device.
+    pub device: usize,
+    /// When, in seconds.
+    pub at_s: f64,
+    /// Its speed from then on, over that for which its tasks' seconds are given; greater than 0.
+    pub speed: f64,
 }
 
 impl Default for Simulation {
     /// 10 µs to hand a launch over, which costs nothing beside its tasks, 0.2 µs per queue operation, two launches in
     /// flight, no failure: a graphics card's order of magnitude.
     fn default() -> Self {
-        Self { hand_over_s: 1e-5, launch_s: 0.0, pop_s: 2e-7, in_flight: 2, failures: Vec::new() }
+        Self { hand_over_s: 1e-5, launch_s: 0.0, pop_s: 2e-7, in_flight: 2, failures: Vec::new(), changes: Vec::new() }
     }
 }
 
@@ -103,6 +116,23 @@ impl Simulation {
         }
         run.result.unfinished = queue.unfinished_tasks();
         run.result
+    }
+}
+
+impl Simulation {
+    /// When a launch ends that begins at `start_s` and would take `seconds` at the device's given speed.
+    fn end_of(&self, device: usize, start_s: f64, seconds: f64) -> f64 {
+        let (mut now, mut left, mut speed) = (start_s, seconds, 1.0);
+        for change in self.changes.iter().filter(|change| change.device == device) {
+            let until = (change.at_s - now).max(0.0);
+            if left <= until * speed {
+                break;
+            }
+            left -= until * speed;
+            now = now.max(change.at_s);
+            speed = change.speed;
+        }
+        now + left / speed
     }
 }
 
@@ -183,8 +213,8 @@ impl Running<'_> {
             let took = self.plan.launch_s + tasks.iter().map(cost).sum::<f64>();
             let state = &mut self.devices[device];
             let start_s = state.free_s.max(now + self.plan.hand_over_s);
-            state.free_s = start_s + took;
-            let launch = SimulatedLaunch { device, start_s, end_s: start_s + took, tasks, finished: true };
+            state.free_s = self.plan.end_of(device, start_s, took);
+            let launch = SimulatedLaunch { device, start_s, end_s: state.free_s, tasks, finished: true };
             state.in_flight.push_back(launch);
             self.result.launches[device] += 1;
             if self.devices[device].in_flight.len() == 1 {

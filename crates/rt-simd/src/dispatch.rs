@@ -11,8 +11,10 @@ use crate::lanes::{LANES, Level};
 use crate::lanes::{avx2::Avx2, avx512::Avx512};
 use crate::packet::{Packet, RAYS, fill};
 use crate::rays::Frame;
+use glam::Vec3;
 use rt_bvh::BlockTree;
-use rt_core::{Hit, Query, Ray};
+use rt_core::bounce::Surfaces;
+use rt_core::{Hit, Query, Ray, RaySource};
 
 /// Rays to trace in packets, in the order in which they are.
 pub(crate) struct Batch<'a> {
@@ -75,6 +77,69 @@ fn run_avx2<W: Work>(level: Avx2, work: W) {
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx512<W: Work>(level: Avx512, work: W) {
     work.run(level);
+}
+
+/// Work that is written in plain loops, which compilers turn into words of what they compile it for.
+pub trait Loops {
+    /// What comes of it.
+    type Output;
+
+    /// Does it. To be marked `#[inline(always)]`, as all that it calls in its loops: what is not inlined is compiled
+    /// for the least processor.
+    fn run(self) -> Self::Output;
+}
+
+/// Loops, and where their result goes.
+pub(crate) struct Looping<'a, W: Loops>(pub(crate) W, pub(crate) &'a mut Option<W::Output>);
+
+impl<W: Loops> Work for Looping<'_, W> {
+    #[inline(always)]
+    fn run<L: Level>(self, _: L) {
+        *self.1 = Some(self.0.run());
+    }
+}
+
+/// Rays to make.
+pub(crate) struct Making<'a> {
+    pub(crate) source: &'a RaySource,
+    pub(crate) which: Which<'a>,
+    pub(crate) rays: &'a mut [Ray],
+    pub(crate) origins: &'a mut [u32],
+}
+
+/// Numbers of rays.
+pub(crate) enum Which<'a> {
+    /// As many as there is room for.
+    From(u32),
+    These(&'a [u32]),
+}
+
+impl Loops for Making<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        match self.which {
+            Which::From(first) => self.source.rays(first, self.rays, self.origins),
+            Which::These(numbers) => self.source.rays_of(numbers, self.rays, self.origins),
+        }
+    }
+}
+
+/// Primitives, and where their unit normals go.
+pub(crate) struct Facing<'a> {
+    pub(crate) surfaces: &'a Surfaces,
+    pub(crate) primitives: &'a [u32],
+    pub(crate) normals: &'a mut [Vec3],
+}
+
+impl Loops for Facing<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.surfaces.normals(self.primitives, self.normals);
+    }
 }
 
 /// A batch, by its query.

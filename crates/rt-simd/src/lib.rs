@@ -41,16 +41,19 @@ mod stack;
 mod tests;
 mod triangles;
 
+pub use dispatch::Loops;
 pub use isa::{Isa, UnknownIsa};
 
 use counted::{CountBatch, Counter};
-use dispatch::Batch;
+use dispatch::{Batch, Facing, Looping, Making, Which};
+use glam::Vec3;
 use isa::Found;
 use order::{Sorted, WINDOW};
 use packet::Packet;
 use rays::Frame;
 use rt_bvh::BlockTree;
-use rt_core::{Coherence, Hit, Query, Ray, TestCounts, Walk};
+use rt_core::bounce::Surfaces;
+use rt_core::{Coherence, Hit, Query, Ray, RaySource, TestCounts, Walk};
 use stack::Stack;
 
 /// The kernels for one set of instructions.
@@ -97,6 +100,37 @@ impl Kernel {
     #[must_use]
     pub const fn isa(self) -> Isa {
         self.0.isa()
+    }
+
+    /// Does work that is written in plain loops with these instructions.
+    pub fn run<W: Loops>(self, work: W) -> W::Output {
+        let mut output = None;
+        self.0.run(Looping(work, &mut output));
+        output.expect("the work was done")
+    }
+
+    /// Makes rays of a source: as [`RaySource::rays`] with these instructions, the same bits.
+    ///
+    /// # Panics
+    /// As that.
+    pub fn make(self, source: &RaySource, first: u32, rays: &mut [Ray], origins: &mut [u32]) {
+        self.run(Making { source, which: Which::From(first), rays, origins });
+    }
+
+    /// Makes the rays of these numbers: as [`RaySource::rays_of`].
+    ///
+    /// # Panics
+    /// As that.
+    pub fn make_of(self, source: &RaySource, numbers: &[u32], rays: &mut [Ray], origins: &mut [u32]) {
+        self.run(Making { source, which: Which::These(numbers), rays, origins });
+    }
+
+    /// The unit normals of primitives: as [`Surfaces::normals`] with these instructions.
+    ///
+    /// # Panics
+    /// As that.
+    pub fn normals(self, surfaces: &Surfaces, primitives: &[u32], normals: &mut [Vec3]) {
+        self.run(Facing { surfaces, primitives, normals });
     }
 
     /// Traces rays, and writes the hit of each where it is in the order of the rays; `excluded` holds the primitive

@@ -5,6 +5,9 @@ use super::parse::{parse_bytes, parse_degrees, parse_fov, parse_point, parse_sec
 use super::{BalanceArgs, SceneArgs};
 use clap::Parser;
 use glam::{DVec3, Vec3};
+use rt_cluster::Shard;
+use rt_report::frames::Frames;
+use rt_report::recipe::Recipe;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -32,17 +35,23 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
           value_parser = clap::value_parser!(u32).range(0..=16))]
     pub(crate) bounces: u32,
-    /// Frames of an orbit about the target
-    #[arg(long, help_heading = heading::PICTURE, default_value_t = 1,
-          value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub(crate) frames: u32,
-    /// Degrees that the frames together turn; with 360 they can be played for ever [default: one for each frame]
+    /// Frames of an animation: 24 for frames 0 to 23, 8..16 for frames 8 to 15. Those that are whole in --out already,
+    /// by the same scene and options, are not rendered again
+    #[arg(long, help_heading = heading::PICTURE, default_value = "1", value_name = "N|A..B")]
+    pub(crate) frames: Frames,
+    /// Degrees that frames 0 to the last together turn about the target; with 360 they can be played for ever
+    /// [default: one for each frame]
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_degrees, allow_hyphen_values = true,
           value_name = "DEGREES", requires = "frames")]
     pub(crate) orbit: Option<f32>,
     /// Wind in the garden's trees, so that they move from frame to frame
     #[arg(long, help_heading = heading::PICTURE, requires = "frames")]
     pub(crate) wind: bool,
+    /// Key frames that the camera moves along, one in a line: frame, eye, target, up and field of view, separated by
+    /// tabs, and coordinates by blanks
+    #[arg(long, help_heading = heading::PICTURE, value_name = "FILE", requires = "frames",
+          conflicts_with_all = ["orbit", "eye", "target", "up", "fov"])]
+    pub(crate) camera: Option<PathBuf>,
     /// Camera position in the coordinates of the file, such as 1,1.5,4
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_point, allow_hyphen_values = true,
           value_name = "X,Y,Z")]
@@ -72,8 +81,21 @@ pub(crate) struct RenderArgs {
     pub(crate) out: PathBuf,
     /// Folder that keeps what is finished, so that the same command goes on where it was stopped or killed, with any
     /// number of processes; only pictures and report.json are written then
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, help_heading = heading::MACHINES, value_name = "DIR")]
     pub(crate) checkpoint: Option<PathBuf>,
+    /// Which part of the frames this process renders: 1/8 to 8/8 for the first to the last of eight that share --out
+    #[arg(long, help_heading = heading::MACHINES, value_name = "I/N", requires = "frames",
+          conflicts_with_all = ["reference", "checkpoint"])]
+    pub(crate) shard: Option<Shard>,
+    /// Print a script that starts a process for each of --shards, and render nothing: slurm or hq (HyperQueue) for a
+    /// task array, parallel for a command in each line
+    #[arg(long, help_heading = heading::MACHINES, value_name = "ENGINE", requires_all = ["frames", "shards"],
+          conflicts_with_all = ["shard", "reference", "checkpoint"])]
+    pub(crate) emit: Option<Recipe>,
+    /// Into how many parts --emit deals the frames
+    #[arg(long, help_heading = heading::MACHINES, value_name = "N", requires = "emit",
+          value_parser = clap::value_parser!(u32).range(1..=i64::from(Shard::MOST)))]
+    pub(crate) shards: Option<u32>,
     /// Print the report as JSON instead of tables
     #[arg(long, help_heading = heading::OUTPUT)]
     pub(crate) json: bool,

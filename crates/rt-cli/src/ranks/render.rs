@@ -1,17 +1,17 @@
 //! `raybalance render` by several processes: each renders tiles, rank 0 gathers and writes them.
 
-use super::{Ranks, explained, print, warn};
+use super::{explained, warn};
 use crate::args::RenderArgs;
 use crate::memory::{self, BYTES_PER_PATH, Room};
 use crate::render::{self, Stage};
-use crate::report::{CameraReport, Report, SCHEMA};
+use crate::report::{Report, SCHEMA};
 use crate::{interrupt, progress, scene, table};
 use anyhow::{Result, bail};
-use rt_cluster::{Checkpoint, Deal, Finished, deal};
+use rt_cluster::{Checkpoint, Deal, Finished, Ranks, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
 use rt_render::{Film, Session, Traced};
 use rt_report::headline::Headline;
-use rt_report::pictures::Pictures;
+use rt_report::pictures::Part;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
 use rt_report::{Provenance, terminal};
@@ -32,32 +32,39 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     if args.time.is_some() {
         bail!(usage("--time is for one process: leave it out where several work together"));
     }
+    if args.shard.is_some() {
+        bail!(usage("--shard is for processes that work apart: leave it out where several work together"));
+    }
     let is_first = ranks.rank() == 0;
     scene::check([render::scene_of(args)])?;
     let outputs = is_first.then(|| render::outputs(args, &["report.json"]));
     outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
-    let Stage { described, devices, balancer, first, mut renderer, mut animation, mut seconds } =
+    let Stage { described, devices, balancer, motion, mut renderer, mut animation, mut seconds } =
         Stage::set(args, &scheduling.limits, outputs.as_ref())?;
     let mut streams = Vec::new();
     let mut record = |traced: Traced<'_>| streams.push(traced.run.report);
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
     let mut scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
-    let mut pictures = Pictures::new(&args.out, args.frames);
+    let mut pictures = render::pictures(args, &renderer, &motion)?;
+    // Only rank 0 knows which frames are whole; to the others their tiles are finished before they begin.
+    let Part { missing, whole } = if is_first { render::part(args, &pictures) } else { Part::default() };
+    let provenance = Provenance::now(args.balance.seed, render::names(&devices));
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
     let mut transport = ranks.transport();
-    for frame in 0..args.frames {
+    for frame in args.frames.range() {
         if animation.show(frame, &mut renderer, &mut session)? {
             scene = fingerprint_of_scene(&renderer);
         }
-        let paths = render::paths(args, &renderer, &first, frame)?;
+        let paths = renderer.paths(motion.camera(frame)?, frame);
         let count = u32::try_from(tiles.count())?;
+        let is_whole = is_first && !missing.contains(&frame);
         let about = Deal {
             round: frame,
-            prices: (frame > 0).then_some(&before[..]),
+            prices: (frame > args.frames.range().start).then_some(&before[..]),
             cancel: Some(interrupt::flag()),
             ..Deal::new(count, fingerprint(scene, &renderer, &paths, &tiles))
         };
@@ -70,12 +77,12 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             bar.inc(1);
             Ok(())
         };
-        let kept = args.checkpoint.as_ref().filter(|_| is_first).map(|folder| {
+        let kept = args.checkpoint.as_ref().filter(|_| is_first && !is_whole).map(|folder| {
             let file = folder.join(format!("frame-{frame:04}.tiles"));
             Checkpoint::open(&file, about.fingerprint, count, &mut gather)
         });
         let (mut checkpoint, finished) = kept.transpose()?.unzip();
-        let finished = finished.unwrap_or_default();
+        let finished = if is_whole { (0..count).collect() } else { finished.unwrap_or_default() };
         let about = Deal { finished: &finished, ..about };
         let mut take = |done: Finished<'_>| {
             gather(done)?;
@@ -86,11 +93,15 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         bar.finish_and_clear();
         let dealt = dealt.map_err(explained)?;
         is_complete &= dealt.is_complete;
+        if is_whole {
+            continue;
+        }
         before = took;
         if let Some(report) = dealt.report {
             warn(&report);
             seconds.trace += report.makespan_s;
             render::write(&mut pictures, &film, frame, args.spp)?;
+            pictures.note(frame, report.makespan_s, &provenance)?;
             reports.push(report);
         }
     }
@@ -98,14 +109,17 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     interrupt::check()?;
     if is_first {
         pictures.write_sheet()?;
+        if missing.is_empty() {
+            return Ok(is_complete);
+        }
         seconds.write += pictures.seconds;
         seconds.add_updates(animation.updates());
         seconds.total = start.elapsed().as_secs_f64();
         let Session { scheduling, .. } = session;
         let report = Report {
             schema: SCHEMA,
-            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
-            picture: Some(render::picture_report(args, &pictures, CameraReport::of(&first, described.offset.into()))),
+            provenance,
+            picture: Some(render::picture_report(args, &pictures, whole, &motion, &described)),
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
@@ -121,7 +135,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         } else {
             let width = terminal::columns();
             write!(Stdout, "{}", terminal::scene(&report, width))?;
-            print(&report.cluster)?;
+            writeln!(Stdout, "\n{}", terminal::ranks(&report.cluster, width).trim_end())?;
             write!(Stdout, "{}", terminal::updates(&report, width))?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
             writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;

@@ -1,11 +1,14 @@
 //! `raybalance trace` by several processes: each traces ranges of the rays, rank 0 gathers and writes the hits.
 
-use super::{Ranks, explained, print, warn};
+use super::{explained, warn};
 use crate::interrupt;
 use anyhow::Result;
-use rt_cluster::{ClusterReport, Deal, Finished, deal};
+use rt_cluster::{ClusterReport, Deal, Finished, Ranks, deal};
 use rt_core::{Hit, TestCounts};
 use rt_render::ranges::{RayRanges, gather};
+use rt_report::print::Stdout;
+use rt_report::terminal;
+use std::io::Write;
 
 /// Traces this process's part. On rank 0 `hits` and `counts` are all there afterwards; whether all processes are there
 /// still, and there what was done by whom.
@@ -25,5 +28,8 @@ pub(crate) fn run(
 /// What each rank did, for people.
 pub(crate) fn tell(report: &ClusterReport, as_json: bool) -> Result<()> {
     warn(report);
-    if as_json { Ok(()) } else { print(std::slice::from_ref(report)) }
+    if !as_json {
+        writeln!(Stdout, "\n{}", terminal::ranks(std::slice::from_ref(report), terminal::columns()).trim_end())?;
+    }
+    Ok(())
 }

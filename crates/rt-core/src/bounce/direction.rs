@@ -21,6 +21,7 @@ pub enum Aim {
 impl Aim {
     /// A unit vector, up to rounding, for two numbers of [`crate::random::unit`]. No component is −0.
     #[must_use]
+    #[inline(always)]
     pub fn direction(&self, normal: Vec3, uniform: [f32; 2]) -> Vec3 {
         let (x, y, squared) = disc(uniform);
         let direction = match self {
@@ -44,6 +45,7 @@ impl Aim {
 /// The concentric map of P. Shirley and K. Chiu, *A Low Distortion Map Between Disk and Square*, JGT 2-3 (1997).
 /// The numbers are multiples of 2⁻²⁴ and are taken at the middle of their step, so the squared radius never exceeds
 /// `1 − 2⁻²³` and a direction raised from the disc is never in the surface.
+#[inline(always)]
 fn disc(uniform: [f32; 2]) -> (f32, f32, f32) {
     const HALF_STEP: f32 = 1.0 / 16_777_216.0;
     // Exact, and neither is ever 0, thanks to the half step.
@@ -59,6 +61,7 @@ fn disc(uniform: [f32; 2]) -> (f32, f32, f32) {
 }
 
 /// Sine and cosine for `|x|` up to a little more than π/4 by Taylor's series, to 2 · 10⁻⁹ before rounding.
+#[inline(always)]
 fn sin_cos(x: f32) -> (f32, f32) {
     // 1 / n! for the odd and the even n.
     const ODD: [f32; 4] = [-1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0];
@@ -74,6 +77,7 @@ fn sin_cos(x: f32) -> (f32, f32) {
 /// After T. Duff et al., *Building an Orthonormal Basis, Revisited*, JCGT 6-1 (2017); the quotient is the square of a
 /// reciprocal root.
 #[must_use]
+#[inline(always)]
 pub fn basis(n: Vec3) -> (Vec3, Vec3) {
     let sign = if n.z < 0.0 { -1.0 } else { 1.0 };
     let root = rsqrt(1.0 + n.z.abs());

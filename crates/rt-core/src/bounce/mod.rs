@@ -4,6 +4,7 @@
 //! between them, so that a device without double precision, and one that does not divide or take roots as IEEE 754
 //! says, can make the same bits: no result depends on who computes it.
 
+mod block;
 mod direction;
 mod exact;
 mod surface;
@@ -11,7 +12,7 @@ mod surface;
 pub use direction::{Aim, basis};
 pub use surface::{GREATEST_EXPONENT, LEAST_EXPONENT, Surface};
 
-use crate::{Hit, Ray, Scene, Triangle, random};
+use crate::{Hit, Ray, Scene, Triangle, random, scale};
 use alloc::sync::Arc;
 use alloc::vec;
 use bytemuck::{Pod, Zeroable};
@@ -70,6 +71,32 @@ impl Surfaces {
     pub fn get(&self, primitive: u32) -> Option<Surface> {
         Surface::new(self.triangle(primitive)?, self.scene.scale_exponent())
     }
+
+    /// [`Surface::normal`] of a primitive's surface; zero where there is none.
+    #[must_use]
+    pub fn normal(&self, primitive: u32) -> Vec3 {
+        self.get(primitive).map_or(Vec3::ZERO, |surface| surface.normal())
+    }
+
+    /// [`Surfaces::normal`] of each of these primitives.
+    ///
+    /// # Panics
+    /// When there are not as many places as primitives.
+    #[inline(always)]
+    pub fn normals(&self, primitives: &[u32], normals: &mut [Vec3]) {
+        assert_eq!(primitives.len(), normals.len(), "a place for each normal");
+        let ((primitives, last), (normals, places)) = (primitives.as_chunks(), normals.as_chunks_mut());
+        primitives.iter().zip(normals).for_each(|(primitives, normals)| block::normals(self, primitives, normals));
+        last.iter().zip(places).for_each(|(&primitive, normal)| *normal = self.normal(primitive));
+    }
+
+    /// Whether a point of a surface may have a coordinate beyond single precision.
+    #[must_use]
+    pub fn may_overflow(&self) -> bool {
+        let bounds = self.scene.bounds();
+        let largest = bounds.min.abs().max(bounds.max.abs()).max_element();
+        scale::exponent(largest) + self.scene.scale_exponent() > GREATEST_EXPONENT
+    }
 }
 
 /// Where a ray leaves a surface: a point of a triangle, one of its sides, and the path that the ray belongs to. 16
@@ -125,9 +152,7 @@ impl Departure {
     /// The point where the ray starts.
     #[must_use]
     pub fn origin(&self, surface: &Surface) -> Vec3 {
-        let [u, v] = self.weights.map(|weight| (weight & !Self::BEHIND).min(ONE));
-        let weights = [ONE.saturating_sub(u + v), u, v];
-        surface.origin(weights.map(|weight| weight as f32 * (1.0 / ONE as f32)), self.normal(surface))
+        surface.origin(block::weights(self.weights), self.normal(surface))
     }
 }
 
@@ -170,6 +195,23 @@ impl Scatter {
         self.aim.direction(normal, uniform)
     }
 
+    /// [`Scatter::direction`] of each of these paths.
+    ///
+    /// # Panics
+    /// When there are not as many of each.
+    #[inline(always)]
+    pub fn directions(&self, normals: &[Vec3], paths: &[u32], directions: &mut [Vec3]) {
+        assert!(normals.len() == paths.len() && normals.len() == directions.len(), "as many of each");
+        let ((normals, last_normals), (paths, last_paths)) = (normals.as_chunks(), paths.as_chunks());
+        let (blocks, rest) = directions.as_chunks_mut();
+        for ((normals, paths), directions) in normals.iter().zip(paths).zip(blocks) {
+            block::directions(self, normals, paths, directions);
+        }
+        for ((&normal, &path), direction) in last_normals.iter().zip(last_paths).zip(rest) {
+            *direction = self.direction(normal, path);
+        }
+    }
+
     /// The ray that leaves a surface: `tmin = 0`, `tmax = ∞`, a direction of unit length up to rounding.
     #[must_use]
     pub fn ray(&self, surface: &Surface, from: &Departure) -> Ray {
@@ -206,11 +248,64 @@ impl BounceRays {
     #[must_use]
     pub fn ray(&self, index: u32) -> (Ray, u32) {
         let from = &self.departures[index as usize];
-        let ray = self
-            .surfaces
+        (self.ray_of(from), from.primitive)
+    }
+
+    /// As many rays as there is room for, from number `first` on, which must all be below [`BounceRays::len`], and in
+    /// as many places the primitives that they start on: the same bits as one by one, faster.
+    ///
+    /// # Panics
+    /// When there are not as many places for the one as for the other.
+    #[inline(always)]
+    pub fn rays(&self, first: u32, rays: &mut [Ray], origins: &mut [u32]) {
+        let departures = &self.departures[first as usize..][..rays.len()];
+        let (blocks, rest) = departures.as_chunks();
+        self.make(blocks.iter().copied(), rest.iter().copied(), rays, origins);
+    }
+
+    /// The same for the rays of these numbers.
+    ///
+    /// # Panics
+    /// When there are not as many places of either kind as numbers.
+    #[inline(always)]
+    pub fn rays_of(&self, numbers: &[u32], rays: &mut [Ray], origins: &mut [u32]) {
+        assert_eq!(rays.len(), numbers.len(), "a place for each ray");
+        let departure = |&number: &u32| self.departures[number as usize];
+        let (blocks, rest) = numbers.as_chunks::<{ block::LANES }>();
+        let blocks = blocks.iter().map(|numbers| core::array::from_fn(|lane| departure(&numbers[lane])));
+        self.make(blocks, rest.iter().map(departure), rays, origins);
+    }
+
+    #[inline(always)]
+    fn make(
+        &self,
+        blocks: impl Iterator<Item = [Departure; block::LANES]>,
+        rest: impl Iterator<Item = Departure>,
+        rays: &mut [Ray],
+        origins: &mut [u32],
+    ) {
+        assert_eq!(rays.len(), origins.len(), "a primitive for each ray");
+        let ((rays, last_rays), (origins, last_origins)) = (rays.as_chunks_mut(), origins.as_chunks_mut());
+        for ((rays, origins), departures) in rays.iter_mut().zip(origins).zip(blocks) {
+            if !block::make(self, &departures, rays) {
+                self.one_by_one(&departures, rays);
+            }
+            *origins = departures.map(|from| from.primitive);
+        }
+        for ((ray, origin), from) in last_rays.iter_mut().zip(last_origins).zip(rest) {
+            (*ray, *origin) = (self.ray_of(&from), from.primitive);
+        }
+    }
+
+    #[inline(never)]
+    fn one_by_one(&self, departures: &[Departure], rays: &mut [Ray]) {
+        rays.iter_mut().zip(departures).for_each(|(ray, from)| *ray = self.ray_of(from));
+    }
+
+    fn ray_of(&self, from: &Departure) -> Ray {
+        self.surfaces
             .get(from.primitive)
-            .map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |surface| self.scatter.ray(&surface, from));
-        (ray, from.primitive)
+            .map_or(Ray::new(Vec3::ZERO, Vec3::ZERO), |surface| self.scatter.ray(&surface, from))
     }
 }
 

@@ -1,9 +1,9 @@
 //! Points on triangles from which rays leave without meeting the surface again.
 
 use super::exact::{Sums, rsqrt, two_product, two_sum};
-use crate::scale::{exponent, pow2, scaled};
-use crate::{Ray, Triangle};
-use glam::{Vec3, Vec3A, Vec3Swizzles};
+use crate::Triangle;
+use crate::scale::{exponent, pow2, scaled, usual_exponent, usual_power};
+use glam::{Vec3, Vec3Swizzles};
 
 /// A triangle as its points are computed: in a unit of its own, so that the same numbers are computed whatever the unit
 /// of the scene.
@@ -16,7 +16,7 @@ use glam::{Vec3, Vec3A, Vec3Swizzles};
 /// denormal numbers for zero, would differ.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    vertices: [Vec3A; 3],
+    vertices: [Vec3; 3],
     exponent: i32,
     normal: Vec3,
 }
@@ -66,12 +66,28 @@ impl Surface {
         if !triangle.is_finite() {
             return None;
         }
-        let [a, b, c] = triangle.vertices().map(Vec3A::from);
-        let largest = a.abs().max(b.abs()).max(c.abs()).max_element();
-        let local = exponent(largest);
-        let vertices = [a, b, c].map(|p| on_grid(times_power(p, -local)));
-        let normal = unit_normal(&vertices)?;
-        Some(Self { vertices, exponent: local + scale_exponent, normal })
+        let vertices = triangle.vertices();
+        let local = exponent(largest(&vertices));
+        let vertices = vertices.map(|p| on_grid(times_power(p, -local)));
+        let (normal, has_area) = unit_normal(&vertices);
+        has_area.then_some(Self { vertices, exponent: local + scale_exponent, normal })
+    }
+
+    /// The same without a choice on the way, and whether it is right: it is for triangles with an area whose
+    /// coordinates are far from the ends of single precision.
+    #[inline(always)]
+    pub(super) fn usual(vertices: [Vec3; 3], scale_exponent: i32) -> (Self, bool) {
+        let largest = largest(&vertices);
+        let local = usual_exponent(largest);
+        let exponent = local + scale_exponent;
+        let vertices = vertices.map(|p| on_grid(p * usual_power(-local)));
+        let (normal, has_area) = unit_normal(&vertices);
+        let is_usual = has_area
+            & vertices.iter().fold(true, |all, p| all & (p.x.abs() < 2.0) & (p.y.abs() < 2.0) & (p.z.abs() < 2.0))
+            & (local > -126)
+            & (local <= 126)
+            & (LEAST_EXPONENT..=GREATEST_EXPONENT).contains(&exponent);
+        (Self { vertices, exponent, normal }, is_usual)
     }
 
     /// Unit normal: that of the side from which the vertices run against the clock.
@@ -95,13 +111,24 @@ impl Surface {
         // Scaling back is exact, but for scenes so small that coordinates become denormal.
         let least =
             if self.exponent < LEAST_EXPONENT { (HALF_DENORMAL * pow2((-self.exponent).min(200))) as f32 } else { 0.0 };
+        times_power(self.point(weights, normal, least), self.exponent)
+    }
+
+    /// The same for a surface of [`Surface::usual`].
+    #[inline(always)]
+    pub(super) fn usual_origin(&self, weights: [f32; 3], normal: Vec3) -> Vec3 {
+        self.point(weights, normal, 0.0) * usual_power(self.exponent)
+    }
+
+    /// The point in the triangle's own unit; `least` is what scaling it back may lose.
+    #[inline(always)]
+    fn point(&self, weights: [f32; 3], normal: Vec3, least: f32) -> Vec3 {
         let Sums { high, low } = mean(weights, self.vertices);
-        let side = Vec3A::from(normal);
-        let away = (high.abs() * HALF_STEP + Vec3A::splat(least)).copysign(side);
-        let step = side * CLEARANCE + Vec3A::select(side.cmpeq(Vec3A::ZERO), Vec3A::ZERO, away);
+        let away = (high.abs() * HALF_STEP + Vec3::splat(least)).copysign(normal);
+        let step = normal * CLEARANCE + Vec3::select(normal.cmpeq(Vec3::ZERO), Vec3::ZERO, away);
         let rounded = high + (low + step);
-        let near_zero = rounded.abs().cmplt(Vec3A::splat(LEAST_COORDINATE));
-        times_power(Vec3A::select(near_zero, Vec3A::ZERO, rounded), self.exponent).into()
+        let near_zero = rounded.abs().cmplt(Vec3::splat(LEAST_COORDINATE));
+        Vec3::select(near_zero, Vec3::ZERO, rounded)
     }
 
     /// Whether coordinates of its points may be beyond single precision.
@@ -109,33 +136,35 @@ impl Surface {
     pub const fn may_overflow(&self) -> bool {
         self.exponent > GREATEST_EXPONENT
     }
+}
 
-    /// Whether a ray that came along `incoming` saw the side away from the normal.
-    #[must_use]
-    pub fn is_seen_from_behind(&self, incoming: &Ray) -> bool {
-        self.normal.as_dvec3().dot(incoming.direction.as_dvec3()) > 0.0
-    }
+/// The largest coordinate's magnitude.
+#[inline(always)]
+fn largest([a, b, c]: &[Vec3; 3]) -> f32 {
+    a.abs().max(b.abs()).max(c.abs()).max_element()
 }
 
 /// `v` times 2^`exponent`, rounded once.
-fn times_power(v: Vec3A, exponent: i32) -> Vec3A {
+fn times_power(v: Vec3, exponent: i32) -> Vec3 {
     if (-126..=127).contains(&exponent) {
-        v * pow2(exponent) as f32
+        v * usual_power(exponent)
     } else {
         // Beyond single precision.
-        scaled(v.into(), pow2(exponent)).into()
+        scaled(v, pow2(exponent))
     }
 }
 
-fn on_grid(c: Vec3A) -> Vec3A {
-    let grid = Vec3A::splat(GRID);
-    Vec3A::select(c.abs().cmplt(Vec3A::splat(COARSE)), (c + grid) - grid, c)
+#[inline(always)]
+fn on_grid(c: Vec3) -> Vec3 {
+    let grid = Vec3::splat(GRID);
+    Vec3::select(c.abs().cmplt(Vec3::splat(COARSE)), (c + grid) - grid, c)
 }
 
 /// Three exact products, summed to twice the precision: after T. Ogita, S. M. Rump and S. Oishi, *Accurate Sum and Dot
 /// Product*, SIAM J. Sci. Comput. 26-6 (2005). Off by 20 u² of the largest coordinate, u = 2⁻²⁴.
-fn mean(weights: [f32; 3], vertices: [Vec3A; 3]) -> Sums {
-    let [u, v, w] = weights.map(Vec3A::splat);
+#[inline(always)]
+fn mean(weights: [f32; 3], vertices: [Vec3; 3]) -> Sums {
+    let [u, v, w] = weights.map(Vec3::splat);
     let a = two_product(u, vertices[0]);
     let b = two_product(v, vertices[1]);
     let c = two_product(w, vertices[2]);
@@ -144,24 +173,25 @@ fn mean(weights: [f32; 3], vertices: [Vec3A; 3]) -> Sums {
     two_sum(abc.high, (abc.low + ab.low) + ((a.low + b.low) + c.low))
 }
 
-/// The unit normal of a triangle, whose components are 0 or at least [`LEAST_NORMAL`]; `None` if it has no area.
+/// The unit normal of a triangle, whose components are 0 or at least [`LEAST_NORMAL`], and whether it has an area at
+/// all.
 ///
 /// Edges are exact sums of two numbers. Their cross product is right to some 2⁻⁴⁴ of the edges' lengths, so the normal
 /// to 2⁻²² or so for every triangle but needles of an angle below 2⁻²².
-fn unit_normal([a, b, c]: &[Vec3A; 3]) -> Option<Vec3> {
+#[inline(always)]
+fn unit_normal([a, b, c]: &[Vec3; 3]) -> (Vec3, bool) {
     let area = cross(two_sum(*b, -*a), two_sum(*c, -*a));
     let largest = area.abs().max_element();
-    if largest == 0.0 {
-        return None;
-    }
-    // To [1, 2): then no square that counts is denormal.
-    let n = area * pow2(1 - exponent(largest)) as f32;
+    // To [1, 2): then no square that counts is denormal. What is not 0 has no exponent below −122.
+    let n = area * usual_power(1 - usual_exponent(largest));
     let unit = n * rsqrt((n.x * n.x + n.y * n.y) + n.z * n.z);
-    Some(Vec3A::select(unit.abs().cmplt(Vec3A::splat(LEAST_NORMAL)), Vec3A::ZERO, unit).into())
+    let unit = Vec3::select(unit.abs().cmplt(Vec3::splat(LEAST_NORMAL)), Vec3::ZERO, unit);
+    (unit, largest != 0.0)
 }
 
 /// The cross product of two edges.
-fn cross(ab: Sums, ac: Sums) -> Vec3A {
+#[inline(always)]
+fn cross(ab: Sums, ac: Sums) -> Vec3 {
     let turned =
         |s: Sums| (Sums { high: s.high.yzx(), low: s.low.yzx() }, Sums { high: s.high.zxy(), low: s.low.zxy() });
     let ((a, b), (c, d)) = (turned(ab), turned(ac));

@@ -1,6 +1,8 @@
 //! Directions and points: their properties, as far as one triangle shows them.
 
 use super::*;
+use crate::{Aabb, Child, Node, SceneParts};
+use alloc::vec::Vec;
 use glam::DVec3;
 
 fn unit_vector(i: u32) -> Vec3 {
@@ -137,5 +139,74 @@ fn the_unit_of_the_scene_does_not_matter() {
         for exponent in [-40, -3, 5, 50] {
             assert_eq!(origin(&triangle.scaled(libm::ldexpf(1.0, exponent)), -exponent), given);
         }
+    }
+}
+
+fn one_leaf(triangles: Vec<Triangle>) -> Scene {
+    let count = triangles.len() as u32;
+    let bounds = triangles.iter().fold(Aabb::EMPTY, |bounds, triangle| bounds.union(triangle.bounds()));
+    let mut root = Node::EMPTY;
+    root.set(0, bounds, Child::Leaf { first: 0, count });
+    let primitives = (0..count).collect();
+    let parts = SceneParts { nodes: vec![root], triangles, primitives, scale_exponent: 0, primitive_count: count };
+    Scene::new(parts).expect("a good tree")
+}
+
+/// Rays are the same bits one by one and side by side, of usual triangles and of those that are not. Mutants: a block
+/// with one unusual triangle that is made nonetheless; the side forgotten; the rest after the last block left out.
+#[test]
+fn rays_are_the_same_one_by_one_and_side_by_side() {
+    let flat = Triangle::new(Vec3::ZERO, Vec3::X, Vec3::X * 2.0);
+    for scale in [1.0, 1e-3, 1e-30, 1e-37, 3e37] {
+        let mut triangles: Vec<Triangle> = (0..50)
+            .map(|i| Triangle::new(vertex(i, 0, scale, 0.0), vertex(i, 1, scale, 0.0), vertex(i, 2, scale, 0.0)))
+            .collect();
+        // Among them a few that are not usual, so that there are blocks of both kinds.
+        triangles[47] = flat;
+        triangles[48] = Triangle::new(Vec3::splat(1e-40), Vec3::X * 3e-39, Vec3::Y * 2e-39);
+        let surfaces = Arc::new(Surfaces::new(Arc::new(one_leaf(triangles))));
+        for (i, aim) in
+            [Aim::Cosine, Aim::Disc { middle: Vec3::Y, radii: [Vec3::X * 0.1, Vec3::Z * 0.1] }].into_iter().enumerate()
+        {
+            let departure = |ray: u32| {
+                let [a, b, c] = random::pcg3d([ray, i as u32, 21]);
+                let rare = if ray.is_multiple_of(67) { 50 } else { 47 };
+                let u = a % (ONE + 1);
+                let side = if c % 2 == 0 { Departure::BEHIND } else { 0 };
+                Departure { weights: [u | side, b % (ONE + 1 - u)], primitive: c / 2 % rare, path: ray * 3 }
+            };
+            let scatter = Scatter { aim, seed: 5, samples: 4, first_group: 9, bounce: 1 };
+            let source =
+                BounceRays { surfaces: Arc::clone(&surfaces), departures: (0..300).map(departure).collect(), scatter };
+            for (first, count) in [(0, 300), (5, 16), (7, 40), (0, 3), (299, 1), (10, 0)] {
+                let mut rays = vec![Ray::new(Vec3::ZERO, Vec3::ZERO); count];
+                let mut origins = vec![0; count];
+                source.rays(first, &mut rays, &mut origins);
+                are_those_of(&source, &rays, &origins, first..);
+            }
+            let numbers: Vec<u32> = (0..100).map(|i| i * 3 % 300).collect();
+            let (mut rays, mut origins) = (vec![Ray::new(Vec3::ZERO, Vec3::ZERO); 100], vec![0; 100]);
+            source.rays_of(&numbers, &mut rays, &mut origins);
+            are_those_of(&source, &rays, &origins, numbers);
+            let primitives: Vec<u32> = (0..60).rev().collect();
+            let mut normals = [Vec3::ONE; 60];
+            surfaces.normals(&primitives, &mut normals);
+            let alone: Vec<Vec3> = primitives.iter().map(|&primitive| surfaces.normal(primitive)).collect();
+            assert_eq!(normals[..], alone);
+            let mut directions = [Vec3::ZERO; 60];
+            scatter.directions(&normals, &primitives, &mut directions);
+            for ((&normal, &path), &direction) in normals.iter().zip(&primitives).zip(&directions) {
+                let alone = scatter.direction(normal, path);
+                assert_eq!(direction.to_array().map(f32::to_bits), alone.to_array().map(f32::to_bits));
+            }
+        }
+    }
+}
+
+fn are_those_of(source: &BounceRays, rays: &[Ray], origins: &[u32], numbers: impl IntoIterator<Item = u32>) {
+    for ((ray, &origin), number) in rays.iter().zip(origins).zip(numbers) {
+        let (alone, primitive) = source.ray(number);
+        let bits = |ray: &Ray| [ray.origin, ray.direction].map(|v| v.to_array().map(f32::to_bits));
+        assert_eq!((bits(ray), origin), (bits(&alone), primitive), "ray {number}");
     }
 }

@@ -24,7 +24,9 @@ const MARGIN: f64 = 28.0;
 const GUTTER: f64 = 36.0;
 const AXIS: f64 = 52.0;
 const SIDE: f64 = 300.0;
-const PANEL: f64 = 66.0 + SIDE + 62.0;
+/// From a panel's upper edge to its frame: title, two lines, and the name of the axis.
+const HEAD: f64 = 82.0;
+const PANEL: f64 = HEAD + SIDE + 62.0;
 
 /// Panels beside each other.
 const COLUMNS: usize = 3;
@@ -52,8 +54,11 @@ impl Panel {
         let usable = |task: &&[f64; 2]| task.iter().all(|s| *s > 0.0 && s.is_finite());
         let tasks: Vec<[f64; 2]> = self.tasks.iter().filter(usable).copied().collect();
         sheet.text(self.title.as_str(), (left, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
-        sheet.text(self.summary(&tasks), (left, top + 31.0), Look { size: 12.0, color: FAINT, ..Look::default() });
-        let (from, upper) = (left + AXIS, top + 66.0);
+        // In one line they would reach into the next panel.
+        for (line, down) in self.summary(&tasks).into_iter().zip([31.0, 47.0]) {
+            sheet.text(line, (left, top + down), Look { size: 12.0, color: FAINT, ..Look::default() });
+        }
+        let (from, upper) = (left + AXIS, top + HEAD);
         // One scale for both, so that the diagonal is at 45 degrees.
         let values = || tasks.iter().flatten().copied();
         let x = LogAxis::over(values(), from, from + SIDE);
@@ -68,18 +73,16 @@ impl Panel {
         }
     }
 
-    fn summary(&self, tasks: &[[f64; 2]]) -> String {
+    fn summary(&self, tasks: &[[f64; 2]]) -> [String; 2] {
         let [estimated, measured] = [0, 1].map(|i| tasks.iter().map(|task| task[i]).collect::<Vec<f64>>());
         let Some(errors) = EstimateErrors::new(&estimated, &measured) else {
-            return "no task of which both are known".to_owned();
+            return ["no task of which both are known".to_owned(), String::new()];
         };
         let percent = |share: f64| significant(100.0 * share);
-        format!(
-            "{} tasks; error against the measured time: mean {} %, 95th percentile {} %",
-            errors.tasks,
-            percent(errors.mean_relative),
-            percent(errors.p95)
-        )
+        [
+            format!("{} tasks; error against the measured time:", errors.tasks),
+            format!("mean {} %, 95th percentile {} %", percent(errors.mean_relative), percent(errors.p95)),
+        ]
     }
 }
 
@@ -94,7 +97,9 @@ mod tests {
         assert!((500..=MOST_DOTS).contains(&svg.matches("<circle").count()));
         // After one scale the estimates are right.
         assert!(
-            svg.contains("19999 tasks; error against the measured time: mean 0.00 %") && svg.contains("&lt;a&gt;"),
+            ["19999 tasks; error against the measured time:", "mean 0.00 %, 95th", "&lt;a&gt;"]
+                .iter()
+                .all(|t| svg.contains(t)),
             "{}",
             &svg[..900]
         );

@@ -60,14 +60,19 @@ fn describe(page: &mut Page, picture: &PictureReport) {
         bounces,
         frames,
         degrees_per_frame,
+        camera_path,
         wind,
         seed,
         camera,
+        ..
     } = picture;
     let of = if samples < samples_asked { format!(" of {samples_asked}") } else { String::new() };
     let wind = if *wind { ", in the wind" } else { "" };
-    let turn =
-        if *frames > 1 { format!("; {frames} frames, {degrees_per_frame}° apart{wind}") } else { String::new() };
+    let turn = match camera_path {
+        Some(file) => format!("; {frames} frames along `{file}`{wind}"),
+        None if *frames > 1 => format!("; {frames} frames, {degrees_per_frame}° apart{wind}"),
+        None => String::new(),
+    };
     page.paragraph(&format!(
         "{width} × {height} pixels, {samples}{of} samples of each, diffuse bounces: {bounces}, seed {seed}{turn}. The \
          camera, in the coordinates of the file:"

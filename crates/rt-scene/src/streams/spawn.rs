@@ -1,13 +1,18 @@
 //! The rays that leave where the rays of a stream hit.
 
+use glam::Vec3;
 use rayon::prelude::*;
-use rt_core::bounce::{Aim, Departure, Scatter, Surface, Surfaces};
-use rt_core::{BounceRays, Hit, RaySource};
+use rt_core::bounce::{Aim, Departure, Scatter, Surfaces};
+use rt_core::{BounceRays, Hit, Ray, RaySource};
+use rt_simd::{Kernel, Loops};
 use std::ops::Range;
 use std::sync::Arc;
 
 /// Hits that one core turns into rays at a time.
 const CHUNK: u32 = 1 << 14;
+
+/// Those of them that it looks at together.
+const WINDOW: usize = 256;
 
 /// Finds the rays that follow from the hits of a traced stream.
 ///
@@ -47,7 +52,13 @@ impl Spawner<'_> {
             bounce: self.bounce,
         });
         let rays = self.rays.len().min(u32::try_from(self.hits.len()).unwrap_or(u32::MAX));
-        let chunk = |chunk: u32| self.departures(&scatters, chunk * CHUNK..rays.min((chunk + 1).saturating_mul(CHUNK)));
+        let kernel = Kernel::best();
+        let chunk = |chunk: u32| {
+            // Of a thread of the pool, which may have inherited another.
+            let _environment = rt_fenv::Environment::enter();
+            let range = chunk * CHUNK..rays.min((chunk + 1).saturating_mul(CHUNK));
+            kernel.run(Departing { from: self, scatters: &scatters, range })
+        };
         let chunks: Vec<[Vec<Departure>; N]> = (0..rays.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
         std::array::from_fn(|i| {
             let parts = || chunks.iter().map(|lists| &lists[i][..]);
@@ -55,30 +66,107 @@ impl Spawner<'_> {
             BounceRays { surfaces, departures: joined(parts), scatter: scatters[i] }
         })
     }
+}
 
-    fn departures<const N: usize>(&self, scatters: &[Scatter; N], range: Range<u32>) -> [Vec<Departure>; N] {
-        // Of a thread of the pool, which may have inherited another.
-        let _environment = rt_fenv::Environment::enter();
+/// Where paths go on from a range of the hits.
+struct Departing<'a, const N: usize> {
+    from: &'a Spawner<'a>,
+    scatters: &'a [Scatter; N],
+    range: Range<u32>,
+}
+
+impl<const N: usize> Loops for Departing<'_, N> {
+    type Output = [Vec<Departure>; N];
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
         let mut lists = [const { Vec::new() }; N];
-        for ray in range {
-            let Some((from, surface)) = self.departure(ray) else { continue };
-            for (list, scatter) in lists.iter_mut().zip(scatters) {
-                list.extend(leaves(scatter, &surface, &from).then_some(from));
+        let mut window = Window::new();
+        let may_overflow = self.from.surfaces.may_overflow();
+        for first in self.range.clone().step_by(WINDOW) {
+            window.depart(self.from, first..self.range.end.min(first + WINDOW as u32), may_overflow);
+            for (list, scatter) in lists.iter_mut().zip(self.scatters) {
+                window.leave(scatter, list);
             }
         }
         lists
     }
+}
 
-    /// Where the path of ray number `ray` goes on; `None` where it ends.
-    fn departure(&self, ray: u32) -> Option<(Departure, Surface)> {
-        let hit = &self.hits[ray as usize];
-        // A miss has no triangle either.
-        let surface = self.surfaces.get(hit.primitive)?;
-        let path = path(self.rays, ray);
-        let from = Departure::new(hit, surface.is_seen_from_behind(&self.rays.ray(ray).0), path)?;
-        // At the edge of single precision a coordinate may become infinite.
-        (!surface.may_overflow() || from.origin(&surface).is_finite()).then_some((from, surface))
+/// Some rays of a stream, and where their paths go on.
+struct Window {
+    rays: [Ray; WINDOW],
+    origins: [u32; WINDOW],
+    primitives: [u32; WINDOW],
+    normals: [Vec3; WINDOW],
+    /// Those that go on.
+    departures: Vec<Departure>,
+    /// Unit vectors on their sides.
+    sides: Vec<Vec3>,
+    paths: Vec<u32>,
+    directions: [Vec3; WINDOW],
+}
+
+impl Window {
+    fn new() -> Self {
+        Self {
+            rays: [Ray::new(Vec3::ZERO, Vec3::ZERO); WINDOW],
+            origins: [0; WINDOW],
+            primitives: [0; WINDOW],
+            normals: [Vec3::ZERO; WINDOW],
+            departures: Vec::with_capacity(WINDOW),
+            sides: Vec::with_capacity(WINDOW),
+            paths: Vec::with_capacity(WINDOW),
+            directions: [Vec3::ZERO; WINDOW],
+        }
     }
+
+    /// Finds where the paths of some rays go on.
+    #[inline(always)]
+    fn depart(&mut self, spawner: &Spawner<'_>, range: Range<u32>, may_overflow: bool) {
+        let hits = &spawner.hits[range.start as usize..range.end as usize];
+        let (rays, normals) = (&mut self.rays[..hits.len()], &mut self.normals[..hits.len()]);
+        let primitives = &mut self.primitives[..hits.len()];
+        primitives.iter_mut().zip(hits).for_each(|(primitive, hit)| *primitive = hit.primitive);
+        spawner.rays.rays(range.start, rays, &mut self.origins[..hits.len()]);
+        spawner.surfaces.normals(primitives, normals);
+        self.departures.clear();
+        self.sides.clear();
+        self.paths.clear();
+        for (number, ((hit, ray), &normal)) in range.zip(hits.iter().zip(rays).zip(&*normals)) {
+            // A miss has no triangle either.
+            if normal == Vec3::ZERO {
+                continue;
+            }
+            // Whether the ray saw the side away from the normal.
+            let behind = normal.as_dvec3().dot(ray.direction.as_dvec3()) > 0.0;
+            let Some(from) = Departure::new(hit, behind, path(spawner.rays, number)) else { continue };
+            if may_overflow && !begins(spawner.surfaces, &from) {
+                continue;
+            }
+            self.departures.push(from);
+            self.sides.push(if behind { -normal } else { normal });
+            self.paths.push(from.path);
+        }
+    }
+
+    /// Adds those whose ray leaves the surface: at sunset only a part of the sun's disc is above it, and rays to the
+    /// rest are left out.
+    #[inline(always)]
+    fn leave(&mut self, scatter: &Scatter, list: &mut Vec<Departure>) {
+        let Aim::Disc { .. } = scatter.aim else { return list.extend_from_slice(&self.departures) };
+        let directions = &mut self.directions[..self.departures.len()];
+        scatter.directions(&self.sides, &self.paths, directions);
+        let leaves = |side: &Vec3, direction: &Vec3| side.as_dvec3().dot(direction.as_dvec3()) > LEAST_COSINE;
+        for ((from, side), direction) in self.departures.iter().zip(&self.sides).zip(&*directions) {
+            list.extend(leaves(side, direction).then_some(*from));
+        }
+    }
+}
+
+/// Whether the ray begins at a point: at the edge of single precision a coordinate may become infinite.
+fn begins(surfaces: &Surfaces, from: &Departure) -> bool {
+    surfaces.get(from.primitive).is_some_and(|surface| from.origin(&surface).is_finite())
 }
 
 /// The number of the path that a ray belongs to. Camera rays, and rays of unknown origin, begin one each.
@@ -102,14 +190,6 @@ fn joined<'a, I: Iterator<Item = &'a [Departure]>>(parts: impl Fn() -> I) -> Arc
         rest = behind;
     }
     all
-}
-
-/// Whether the ray leaves the surface: at sunset only a part of the sun's disc is above it, and rays to the rest are
-/// left out.
-fn leaves(scatter: &Scatter, surface: &Surface, from: &Departure) -> bool {
-    let Aim::Disc { .. } = scatter.aim else { return true };
-    let normal = from.normal(surface);
-    normal.as_dvec3().dot(scatter.direction(normal, from.path).as_dvec3()) > LEAST_COSINE
 }
 
 /// Least cosine between a shadow ray and the normal: a lower one could be negative for the exact normal and direction.

@@ -159,6 +159,67 @@ fn misjudged_speeds_are_found_out() {
     }
 }
 
+/// The least makespan for costs that can be divided at will: when devices of changing speeds have done all of it.
+fn divisible(total: f64, speeds: &[f64], changes: &[SpeedChange]) -> f64 {
+    let (mut now, mut left, mut speeds) = (0.0, total, speeds.to_vec());
+    let given = speeds.clone();
+    for change in changes {
+        let rate: f64 = speeds.iter().sum();
+        if left <= (change.at_s - now) * rate {
+            break;
+        }
+        left -= (change.at_s - now) * rate;
+        now = change.at_s;
+        speeds[change.device] = given[change.device] * change.speed;
+    }
+    now + left / speeds.iter().sum::<f64>()
+}
+
+/// Mean excess in percent over [`divisible`] of the hybrid queue on devices that change their speed, which were
+/// predicted as they are at the start and costs with an error of 10%, or of which nothing is known.
+fn excess_of_changes(speeds: &[f64], changes: &[SpeedChange], n: u32, knows: bool) -> f64 {
+    let devices = if knows { models(speeds, 0.0) } else { models(&vec![1.0; speeds.len()], 0.0) };
+    let mean = speeds.iter().sum::<f64>() / speeds.len() as f64;
+    let one = |seed| {
+        // A frame of 100 ms if nothing changed.
+        let costs: Vec<f64> = image(n, speeds.len(), seed).into_iter().map(|cost| cost * mean).collect();
+        let unknown = || vec![Work::new(0.0, 1.0, 0.0); costs.len()];
+        let work = if knows { estimated(&costs, 0.1, seed) } else { unknown() };
+        let simulation = Simulation { changes: changes.to_vec(), ..Simulation::default() };
+        let seconds = |device: usize, task: TaskId| costs[task as usize] / speeds[device];
+        let run = simulation.run(&*queue("hybrid", &work, &devices), speeds.len(), &seconds);
+        let ideal = divisible(costs.iter().sum(), speeds, changes);
+        assert!(run.makespan_s > ideal, "no run is faster than its devices");
+        (run.makespan_s / ideal - 1.0) * 100.0
+    };
+    (0..IMAGES).map(one).sum::<f64>() / f64::from(IMAGES)
+}
+
+/// Devices that change their speed while they run, by heat or by other programs on their cores. `--nocapture` shows the
+/// table. The last row is what the queue cannot mend: two of eight devices drop to a quarter in the middle of launches
+/// that were a third of what was left to them, since their costs were known.
+///
+/// Mutants: `Simulation::end_of` that heeds no change, or the first alone; a queue that keeps to the speeds it began
+/// with (`finish` that does nothing).
+#[test]
+fn devices_that_change_their_speed_end_together() {
+    let change = |device, at_s, speed| SpeedChange { device, at_s, speed };
+    let rows: [(&[f64], &[SpeedChange], f64); 5] = [
+        (&[1.0; 2], &[change(0, 0.05, 0.5)], 1.0),
+        (&[1.0; 3], &[change(0, 0.03, 0.5), change(0, 0.09, 1.0)], 1.0),
+        (&[1.0, 2.0, 4.0], &[change(2, 0.05, 0.5)], 1.0),
+        (&[1.0, 50.0, 50.0], &[change(1, 0.03, 0.5)], 1.0),
+        (&[1.0; 8], &[change(0, 0.05, 0.25), change(1, 0.05, 0.25)], 35.0),
+    ];
+    for (speeds, changes, limit) in rows {
+        for n in [1024, 8192] {
+            let [known, unknown] = [true, false].map(|knows| excess_of_changes(speeds, changes, n, knows));
+            eprintln!("{speeds:?}, {n} tasks, {changes:?}: excess {known:.2}%, nothing known {unknown:.2}%");
+            assert!(known <= limit && unknown <= limit.min(8.0), "{speeds:?}, {n}: {known} {unknown}");
+        }
+    }
+}
+
 fn runs() -> impl Strategy<Value = (Vec<f64>, Vec<f64>, f64, usize)> {
     (
         prop::collection::vec(prop_oneof![0.0_f64..0.01, Just(0.0), Just(0.004)], 1..150),

@@ -28,10 +28,12 @@ pub struct CostMap {
     reason: Option<String>,
 }
 
-/// A map for each kind of rays of the first frame.
+/// A map for each kind of rays of the first frame that was rendered.
 #[derive(Debug)]
 pub struct CostMaps {
     size: [u32; 2],
+    /// Number of that frame.
+    frame: Option<u32>,
     maps: Vec<CostMap>,
 }
 
@@ -42,13 +44,13 @@ impl CostMaps {
     /// No map yet, of a picture of `size` pixels.
     #[must_use]
     pub const fn new(size: [u32; 2]) -> Self {
-        Self { size, maps: Vec::new() }
+        Self { size, frame: None, maps: Vec::new() }
     }
 
     /// Adds a stream to the map of its kind, as [`CostMap::add`] does; those of later frames are left out.
     pub fn add(&mut self, run: &StreamRun, pixel: impl Fn(u32) -> u32) {
         let kind = &run.report.kind;
-        if run.report.frame > 0 {
+        if *self.frame.get_or_insert(run.report.frame) != run.report.frame {
             return;
         }
         if let Some(map) = self.maps.iter_mut().find(|map| map.kind == *kind) {
