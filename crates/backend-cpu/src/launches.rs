@@ -5,7 +5,7 @@ use rt_bvh::BlockTree;
 use rt_core::{
     Coherence, CountedTree, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec, TestCounts, Walk,
 };
-use rt_simd::{Kernel, Scratch};
+use rt_simd::{Kernel, Scratch, use_large_pages};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -35,6 +35,7 @@ impl Trees {
             Some(tree) => tree,
             None => BlockTree::new(scene)?,
         });
+        use_large_pages(&tree);
         trees.push((Arc::downgrade(scene), Arc::downgrade(&tree)));
         Some(tree)
     }
@@ -75,10 +76,11 @@ struct Room {
     excluded: Vec<u32>,
 }
 
-/// Where the results of rays go: a hit of each, and the tests of each where they are counted.
+/// Where the results of rays go: a hit of each, or none where no one asks for them and tests are counted; and the tests
+/// of each, or none.
 pub(crate) struct Results<'a> {
     pub(crate) hits: &'a mut [Hit],
-    pub(crate) counts: Option<&'a mut [TestCounts]>,
+    pub(crate) counts: &'a mut [TestCounts],
 }
 
 impl Launches {
@@ -97,21 +99,18 @@ impl Launches {
         spec: StreamSpec,
         range: Range<u32>,
         done: Option<(&RayMask, bool)>,
-        mut results: Results<'_>,
+        results: Results<'_>,
     ) {
         if let Some((done, true)) = done {
             let rest: Vec<u32> = range.clone().filter(|&ray| !done.contains(ray)).collect();
             let mut hits = vec![Hit::MISS; rest.len()];
-            let mut counts = vec![TestCounts::default(); if results.counts.is_some() { rest.len() } else { 0 }];
-            let counted = results.counts.as_ref().map(|_| &mut counts[..]);
-            self.walk(source, spec, Walk::Full, &rest, Results { hits: &mut hits, counts: counted });
+            let mut counts = vec![TestCounts::default(); if results.counts.is_empty() { 0 } else { rest.len() }];
+            self.walk(source, spec, Walk::Full, &rest, Results { hits: &mut hits, counts: &mut counts });
             results.hits.fill(Hit::MISS);
-            if let Some(to) = &mut results.counts {
-                to.fill(TestCounts::default());
-                let places = rest.iter().zip(&counts);
-                places.for_each(|(&ray, count)| to[(ray - range.start) as usize] = *count);
-            }
-            rest.iter().zip(&hits).for_each(|(&ray, hit)| results.hits[(ray - range.start) as usize] = *hit);
+            results.counts.fill(TestCounts::default());
+            let place = |ray: u32| (ray - range.start) as usize;
+            rest.iter().zip(counts).for_each(|(&ray, count)| results.counts[place(ray)] = count);
+            rest.iter().zip(hits).for_each(|(&ray, hit)| results.hits[place(ray)] = hit);
             return;
         }
         let how = (spec.query, coherence(source, spec));
@@ -122,14 +121,13 @@ impl Launches {
             let excluded = origins.as_ref().map_or(&[][..], |origins| &origins[range.clone()]);
             self.answer(&mut room.scratch, Walk::Full, how, (&rays[range], excluded), results);
         } else {
-            results.windows(|results, place| {
-                let first = range.start + place as u32;
-                let (rays, excluded) = room.places(results.hits.len());
+            results.windows(range.len(), |results, window| {
+                let first = range.start + window.start as u32;
+                let (rays, excluded) = room.places(window.len());
                 self.kernel.make(source, first, rays, excluded);
                 if let Some((done, _)) = done {
                     let none = Ray::new([0.0; 3].into(), [0.0; 3].into());
-                    let rays = rays.iter_mut().zip(first..).filter(|(_, number)| done.contains(*number));
-                    rays.for_each(|(ray, _)| *ray = none);
+                    done.set_in(first..first + window.len() as u32).for_each(|ray| rays[(ray - first) as usize] = none);
                 }
                 self.answer_room(&mut room, Walk::Full, how, results);
             });
@@ -141,8 +139,8 @@ impl Launches {
     pub(crate) fn walk(&self, source: &RaySource, spec: StreamSpec, walk: Walk, numbers: &[u32], results: Results<'_>) {
         let how = (spec.query, coherence(source, spec));
         let mut room = self.room();
-        results.windows(|results, place| {
-            let numbers = &numbers[place..place + results.hits.len()];
+        results.windows(numbers.len(), |results, window| {
+            let numbers = &numbers[window];
             let (rays, excluded) = room.places(numbers.len());
             self.kernel.make_of(source, numbers, rays, excluded);
             self.answer_room(&mut room, walk, how, results);
@@ -171,19 +169,29 @@ impl Launches {
         (rays, excluded): (&[Ray], &[u32]),
         Results { hits, counts }: Results<'_>,
     ) {
-        match counts {
-            None => self.kernel.trace(&self.tree, scratch, how, rays, excluded, hits),
-            Some(counts) => self.kernel.count(&self.tree, scratch, walk, how, rays, excluded, counts, hits),
+        if counts.is_empty() {
+            self.kernel.trace(&self.tree, scratch, how, rays, excluded, hits);
+        } else {
+            self.kernel.count(&self.tree, scratch, walk, how, rays, excluded, counts, hits);
         }
     }
 }
 
-impl Results<'_> {
-    /// Calls `each` with the results of [`WINDOW`] rays after those of the others, and where they begin.
-    fn windows(self, mut each: impl FnMut(Results<'_>, usize)) {
-        let mut counts = self.counts.map(|counts| counts.chunks_mut(WINDOW));
-        for (i, hits) in self.hits.chunks_mut(WINDOW).enumerate() {
-            each(Results { hits, counts: counts.as_mut().and_then(Iterator::next) }, i * WINDOW);
+impl<'a> Results<'a> {
+    /// Those of the next rays, so many of them.
+    pub(crate) fn split_off(&mut self, rays: usize) -> Results<'a> {
+        let (hits, counts) = (rays.min(self.hits.len()), rays.min(self.counts.len()));
+        Results {
+            hits: self.hits.split_off_mut(..hits).unwrap_or_default(),
+            counts: self.counts.split_off_mut(..counts).unwrap_or_default(),
+        }
+    }
+
+    /// Calls `each` with the results of [`WINDOW`] of so many rays after those of the others, and which these are.
+    fn windows(mut self, rays: usize, mut each: impl FnMut(Results<'_>, Range<usize>)) {
+        for first in (0..rays).step_by(WINDOW) {
+            let size = WINDOW.min(rays - first);
+            each(self.split_off(size), first..first + size);
         }
     }
 }

@@ -36,6 +36,8 @@ pub(crate) struct CpuTracer {
     next_ticket: u64,
     /// Buffers of finished launches, handed to later ones.
     spare: Vec<Launch>,
+    /// Those of the last walk, likewise.
+    walked: Walked,
 }
 
 /// What the tracer's thread is asked to do.
@@ -58,13 +60,18 @@ enum Job {
         spec: StreamSpec,
         rays: Vec<u32>,
         walk: Walk,
+        /// Whether hits are asked for.
+        hits: bool,
+        out: Walked,
         reply: Sender<Walked>,
     },
 }
 
-#[derive(Debug)]
+/// What came of a walk.
+#[derive(Debug, Default)]
 struct Walked {
     counts: Vec<TestCounts>,
+    /// Empty unless they were asked for.
     hits: Vec<Hit>,
     span: Span,
 }
@@ -95,6 +102,7 @@ impl CpuTracer {
             capacity,
             next_ticket: 0,
             spare: Vec::new(),
+            walked: Walked::default(),
         })
     }
 
@@ -137,13 +145,16 @@ impl Tracer for CpuTracer {
         check_walk(rays, counts, hits.as_deref(), self.rays)?;
         let (reply, answer) = channel();
         let (source, spec) = (self.source.clone(), self.spec);
-        self.send(Job::Walk { source, spec, rays: rays.to_vec(), walk, reply })?;
-        let walked = answer.recv().map_err(|_| lost())?;
-        counts.copy_from_slice(&walked.counts);
+        // Reduced walks find none.
+        let hits = hits.filter(|_| walk == Walk::Full);
+        let (wanted, out) = (hits.is_some(), std::mem::take(&mut self.walked));
+        self.send(Job::Walk { source, spec, rays: rays.to_vec(), walk, hits: wanted, out, reply })?;
+        self.walked = answer.recv().map_err(|_| lost())?;
+        counts.copy_from_slice(&self.walked.counts);
         if let Some(hits) = hits {
-            hits.copy_from_slice(&walked.hits);
+            hits.copy_from_slice(&self.walked.hits);
         }
-        Ok(walked.span)
+        Ok(self.walked.span)
     }
 
     fn submit(&mut self, tasks: &[Task], done: Option<&Arc<RayMask>>) -> Result<Ticket, DeviceError> {
@@ -208,8 +219,9 @@ impl Worker {
                     self.trace(&source, spec, &tasks, done.as_deref(), &mut out);
                     let _ = reply.send(out);
                 }
-                Job::Walk { source, spec, rays, walk, reply } => {
-                    let _ = reply.send(self.walk(&source, spec, &rays, walk));
+                Job::Walk { source, spec, rays, walk, hits, mut out, reply } => {
+                    self.walk(&source, spec, &rays, walk, hits, &mut out);
+                    let _ = reply.send(out);
                 }
             }
         }
@@ -263,8 +275,7 @@ impl Worker {
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
         if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec, spec.counts)) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
-            let counts = spec.counts.then_some(&mut *piece.counts);
-            launches.trace(source, spec, range, done, Results { hits: piece.hits, counts });
+            launches.trace(source, spec, range, done, Results { hits: piece.hits, counts: piece.counts });
         } else {
             let mut counts = piece.counts.iter_mut();
             for (ray, hit) in range.zip(&mut *piece.hits) {
@@ -281,10 +292,19 @@ impl Worker {
         }
     }
 
-    fn walk(&self, source: &RaySource, spec: StreamSpec, rays: &[u32], walk: Walk) -> Walked {
-        let mut counts = vec![TestCounts::default(); rays.len()];
-        let mut hits = vec![Hit::MISS; rays.len()];
-        let span = self.timed(|| {
+    fn walk(
+        &self,
+        source: &RaySource,
+        spec: StreamSpec,
+        rays: &[u32],
+        walk: Walk,
+        with_hits: bool,
+        Walked { counts, hits, span }: &mut Walked,
+    ) {
+        *span = self.timed(|| {
+            // What an earlier walk left in the buffers is overwritten ray by ray.
+            counts.resize(rays.len(), TestCounts::default());
+            hits.resize(if with_hits { rays.len() } else { 0 }, Hit::MISS);
             // Rays in the stream's order, so that neighbours share packets; most lists are in it.
             let mut order: Vec<(u32, usize)> = Vec::new();
             if !rays.is_sorted() {
@@ -293,26 +313,25 @@ impl Worker {
             }
             let sorted: Vec<u32> = order.iter().map(|&(ray, _)| ray).collect();
             let rays = if order.is_empty() { rays } else { &sorted };
-            let chunk = chunk_of(rays.len(), self.executor.threads());
-            let pieces = rays.chunks(chunk).zip(counts.chunks_mut(chunk)).zip(hits.chunks_mut(chunk)).collect();
+            let mut results = Results { hits, counts };
+            let pieces = rays.chunks(chunk_of(rays.len(), self.executor.threads()));
+            let pieces = pieces.map(|rays| (rays, results.split_off(rays.len()))).collect();
             let launches = self.launches.as_ref().filter(|_| Launches::suit(spec, true));
             self.executor.for_each(
                 pieces,
                 || Stack::for_scene(&self.scene),
-                |stack, ((rays, counts), hits): ((&[u32], &mut [TestCounts]), &mut [Hit])| match launches {
-                    Some(launches) => launches.walk(source, spec, walk, rays, Results { hits, counts: Some(counts) }),
-                    None => self.walk_scene(stack, source, spec, walk, rays, counts, hits),
+                |stack, (rays, results): (&[u32], Results<'_>)| match launches {
+                    Some(launches) => launches.walk(source, spec, walk, rays, results),
+                    None => self.walk_scene(stack, source, spec, walk, rays, results),
                 },
             );
             if !order.is_empty() {
-                (counts, hits) = (scattered(&counts, &order), scattered(&hits, &order));
+                (*counts, *hits) = (scattered(counts, &order), scattered(hits, &order));
             }
         });
-        Walked { counts, hits, span }
     }
 
     /// Walks rays through the scene's own tree, one by one.
-    #[expect(clippy::too_many_arguments, reason = "a walk's question and its answers")]
     fn walk_scene(
         &self,
         stack: &mut Stack,
@@ -320,12 +339,12 @@ impl Worker {
         spec: StreamSpec,
         walk: Walk,
         rays: &[u32],
-        counts: &mut [TestCounts],
-        hits: &mut [Hit],
+        Results { hits, counts }: Results<'_>,
     ) {
-        let mut results = counts.iter_mut().zip(hits);
+        let (mut hits, mut counts) = (hits.iter_mut(), counts.iter_mut());
         let mut put = |hit: Hit, tests: TestCounts| {
-            results.next().into_iter().for_each(|(count, slot)| (*count, *slot) = (tests, hit));
+            counts.next().into_iter().for_each(|count| *count = tests);
+            hits.next().into_iter().for_each(|slot| *slot = hit);
         };
         let rays = rays.iter().map(|&ray| source.ray(ray));
         match walk {
@@ -344,7 +363,7 @@ pub(crate) const fn coherence(source: &RaySource, spec: StreamSpec) -> Coherence
     }
 }
 
-/// Values that belong to sorted rays, at the places from which those came.
+/// Values that belong to sorted rays, if there are any, at the places from which those came.
 fn scattered<T: Copy>(values: &[T], order: &[(u32, usize)]) -> Vec<T> {
     let mut placed = values.to_vec();
     for (&value, &(_, place)) in values.iter().zip(order) {

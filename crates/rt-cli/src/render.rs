@@ -6,11 +6,12 @@ use crate::output::Outputs;
 use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
 use crate::{chart, html, interrupt, output, progress, ranks, scene};
 use anyhow::Result;
+use glam::DVec3;
 use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_cluster::Shard;
 use rt_core::Device;
-use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Traced};
+use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
 use rt_report::pictures::{Part, Pictures};
@@ -18,7 +19,6 @@ use rt_report::print::{Stdout, note};
 use rt_report::usage::{OrUsage, usage};
 use rt_report::{Provenance, recipe, tasks, terminal};
 use rt_scene::camera::{CameraMotion, CameraPath};
-use rt_scene::prepare::Prepared;
 use rt_scene::wind::Wind;
 use rt_scene::{Model, View};
 use std::cell::Cell;
@@ -43,7 +43,7 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if let (Some(recipe), Some(shards)) = (args.emit, args.shards) {
-        scene::check([scene_of(args)])?;
+        check(args)?;
         let command = recipe::command_without(&["--emit", "--shards"])?;
         return Ok(write!(Stdout, "{}", recipe.script(&command, shards))?);
     }
@@ -63,7 +63,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     // What a shard knows is a part, of which charts would say little.
     let files = args.shard.map_or_else(|| FILES.map(|(name, _)| name).to_vec(), |_| vec![&report_name[..]]);
     let outputs = outputs(args, &files);
-    scene::check([scene_of(args)])?;
+    check(args)?;
     outputs.check()?;
     if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
         note(format_args!("note: {left}"));
@@ -72,8 +72,9 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let frames = args.frames.count().div_ceil(args.shard.unwrap_or(Shard::WHOLE).of());
     let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
     let waves = Room::now().waves(&needs, args.memory)?;
-    let Stage { described, devices, balancer, motion, renderer, mut animation, mut seconds } =
-        Stage::set(args, &scheduling.limits, Some(&outputs))?;
+    let (source, described) = Source::prepare(args, Some(&outputs))?;
+    let Stage { devices, balancer, motion, renderer, mut animation, mut seconds, .. } =
+        Stage::set(args, &scheduling.limits, source)?;
     let mut pictures = pictures(args, &renderer, &motion)?;
     let Part { missing, whole } = part(args, &pictures);
     if missing.is_empty() {
@@ -215,34 +216,53 @@ pub(crate) fn picture_report(
 
 /// A scene on this process's devices, ready to be rendered.
 pub(crate) struct Stage {
-    pub(crate) described: SceneReport,
     pub(crate) devices: Vec<Arc<dyn Device>>,
     pub(crate) balancer: Balancer,
     pub(crate) motion: CameraMotion,
     pub(crate) renderer: Renderer<'static>,
     pub(crate) animation: Animation,
+    /// When the balancer was made, which its runs' times count from, on the clock of this process.
+    pub(crate) begin_s: f64,
     /// What it took.
     pub(crate) seconds: Seconds,
 }
 
-impl Stage {
-    /// Reads the scene, builds its tree and brings it to the devices.
-    pub(crate) fn set(args: &RenderArgs, limits: &Limits, outputs: Option<&Outputs>) -> Result<Self> {
-        let path = args.camera.as_deref().map(CameraPath::read).transpose()?;
+/// A scene, and the view that shows it well.
+pub(crate) struct Source {
+    pub(crate) subject: Subject,
+    pub(crate) view: View,
+    /// Seconds until it was there, and until it had its tree.
+    pub(crate) took_s: [f64; 2],
+    pub(crate) wind: Option<Wind>,
+}
+
+impl Source {
+    /// Reads the scene and builds its tree; also what is told of it.
+    pub(crate) fn prepare(args: &RenderArgs, outputs: Option<&Outputs>) -> Result<(Self, SceneReport)> {
         let prepared = args.source.prepare(scene_of(args))?;
         if let Some(outputs) = outputs {
             outputs.spare_materials(&prepared.libraries)?;
         }
-        let motion = choose_motion(&prepared, args, path)?;
-        let animation = Animation::new(wind(args, &prepared.model)?);
-        let devices = args.balance.device.open(args.balance.devices.as_deref())?;
-        let begin = Instant::now();
-        let scene = Arc::clone(&prepared.built.scene);
-        let mut balancer = Balancer::open(scene, &devices, limits, interrupt::control())?;
-        *balancer.building() = prepared.options.build();
-        let setup = begin.elapsed().as_secs_f64();
+        let wind = wind(args, &prepared.model)?;
         let described = SceneReport::of(&prepared);
-        let seconds = Seconds { load: prepared.load_s, build: prepared.build_s, setup, ..Seconds::default() };
+        let view = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
+        let took_s = [prepared.load_s, prepared.build_s];
+        Ok((Self { subject: Subject::of(prepared), view, took_s, wind }, described))
+    }
+}
+
+impl Stage {
+    /// Brings a scene to the devices.
+    pub(crate) fn set(args: &RenderArgs, limits: &Limits, source: Source) -> Result<Self> {
+        let Source { subject, view, took_s: [load, build], wind } = source;
+        let motion = choose_motion(args, view, subject.offset)?;
+        let devices = args.balance.device.open(args.balance.devices.as_deref())?;
+        let (begin, begin_s) = (Instant::now(), rt_balance::clock().as_secs_f64());
+        let scene = Arc::clone(&subject.scene);
+        let mut balancer = Balancer::open(scene, &devices, limits, interrupt::control())?;
+        *balancer.building() = args.source.options().build();
+        let setup = begin.elapsed().as_secs_f64();
+        let seconds = Seconds { load, build, setup, ..Seconds::default() };
         let renderer = Renderer {
             size: args.size,
             samples: args.spp,
@@ -251,9 +271,10 @@ impl Stage {
             seed: args.balance.seed,
             reference: args.reference,
             moves: args.wind,
-            ..Renderer::of(prepared, &motion.view(0), interrupt::flag())
+            ..Renderer::showing(subject, &motion.view(0), interrupt::flag())
         };
-        Ok(Self { described, devices, balancer, motion, renderer, animation, seconds })
+        let animation = Animation::new(wind);
+        Ok(Self { devices, balancer, motion, renderer, animation, begin_s, seconds })
     }
 }
 
@@ -264,6 +285,12 @@ fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
     }
     let bends = |wind: Option<Wind>| wind.ok_or_else(|| format!("--wind: nothing in {} bends in it", model.source));
     Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
+}
+
+/// Whether the scene is there and the camera path is one, before any of it is worked on.
+pub(crate) fn check(args: &RenderArgs) -> Result<()> {
+    scene::check([scene_of(args)])?;
+    args.camera.as_deref().map_or(Ok(()), |file| Ok(CameraPath::read(file).map(drop)?))
 }
 
 pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
@@ -289,14 +316,13 @@ pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
 }
 
 /// The camera of the command line, else the scene's, and how it moves.
-fn choose_motion(prepared: &Prepared, args: &RenderArgs, path: Option<CameraPath>) -> Result<CameraMotion> {
-    let motion = match path {
-        Some(path) => CameraMotion::Path { path, offset: prepared.model.offset },
+fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraMotion> {
+    let motion = match &args.camera {
+        Some(file) => CameraMotion::Path { path: CameraPath::read(file)?, offset },
         None => {
-            let base = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
             let first = View {
-                eye: args.eye.map_or(base.eye, |eye| prepared.model.place(eye)),
-                target: args.target.map_or(base.target, |target| prepared.model.place(target)),
+                eye: args.eye.map_or(base.eye, |eye| (eye - offset).as_vec3()),
+                target: args.target.map_or(base.target, |target| (target - offset).as_vec3()),
                 up: args.up.unwrap_or(base.up),
                 fov_degrees: args.fov.unwrap_or(base.fov_degrees),
             };

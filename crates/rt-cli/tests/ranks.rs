@@ -74,6 +74,91 @@ fn an_animation_is_the_same_too() {
     assert!(render(three, "together") == alone);
 }
 
+/// What `report.json` and `trace.json` in a folder say.
+fn said(out: &Path) -> [serde_json::Value; 2] {
+    ["report.json", "trace.json"].map(|name| {
+        let bytes = fs::read(out.join(name)).expect("a file");
+        serde_json::from_slice(&bytes).expect("JSON")
+    })
+}
+
+/// The same picture from a scene that only rank 0 reads. Fails when a part of it is lost on the way, or a rank reads it
+/// nevertheless.
+#[test]
+fn a_scene_that_is_sent_makes_the_same_picture() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = |name: &str| dir.path().join(name);
+    succeeded(Command::new(PROGRAM).args(PICTURE).arg("--out").arg(out("alone")));
+    for ranks in [2, 3] {
+        let name = ranks.to_string();
+        succeeded(mpirun(ranks).arg(PROGRAM).args(PICTURE).arg("--broadcast").arg("--out").arg(out(&name)));
+        assert!(picture(&out(&name)) == picture(&out("alone")), "another picture with {ranks} ranks");
+        let [report, _] = said(&out(&name));
+        for rank in report["cluster"][0]["ranks"].as_array().expect("ranks") {
+            assert!(rank["memory_bytes"].as_u64() > Some(1 << 20), "{rank}");
+        }
+    }
+    // Others have no file of that name.
+    let scene = dir.path().join("scene.obj");
+    fs::write(&scene, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("a file");
+    let render = ["--size", "96x64", "--devices", "cpu:1", "--spp", "4", "--broadcast", "--out"];
+    let mut run = mpirun(1);
+    run.arg(PROGRAM).arg("render").arg(&scene).args(render).arg(out("first"));
+    succeeded(run.args([":", "-np", "1", PROGRAM, "render", "elsewhere.obj"]).args(render).arg(out("first")));
+    // A scene that rank 0 cannot read ends them all.
+    let mut run = mpirun(2);
+    let run = run.args([PROGRAM, "render", "missing.obj"]).args(render).arg(out("none")).output().expect("it starts");
+    let error = String::from_utf8_lossy(&run.stderr);
+    assert!(!run.status.success() && error.contains("missing.obj"), "{error}");
+}
+
+/// Fails when a rank's times are those of its own clock, or one has no row.
+#[test]
+fn all_ranks_are_on_one_timeline() {
+    let dir = tempfile::tempdir().expect("a folder");
+    succeeded(mpirun(3).arg(PROGRAM).args(PICTURE).arg("--out").arg(dir.path()));
+    let [report, trace] = said(dir.path());
+    let events = trace["traceEvents"].as_array().expect("events");
+    let number = |event: &serde_json::Value, field: &str| event[field].as_f64().expect("a number");
+    // From before the first of its streams until the end of the command.
+    let end = 1e6 * number(&report["seconds"], "total");
+    for rank in 0..3 {
+        let of_rank = || events.iter().filter(|event| event["pid"] == rank);
+        assert_eq!(of_rank().filter(|event| event["name"] == "process_name").count(), 1, "rank {rank}");
+        let streams = of_rank().filter(|event| event["cat"] == "stream").count() as u64;
+        let tiles = report["cluster"][0]["ranks"][rank]["tiles"].as_u64().expect("a number");
+        assert!(streams >= tiles, "{streams} streams of {tiles} tiles");
+        for event in of_rank().filter(|event| event["ph"] == "X") {
+            let (at, took) = (number(event, "ts"), number(event, "dur"));
+            assert!(at > -end && at + took < end, "{event}");
+        }
+    }
+}
+
+/// Fails when others wait for rank 0 for ever or end without a word, or what it kept is lost.
+#[test]
+fn the_death_of_rank_0_ends_all_with_a_word() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let [alone, out, kept] = ["alone", "out", "kept"].map(|name| dir.path().join(name));
+    succeeded(Command::new(PROGRAM).args(PICTURE).arg("--out").arg(&alone));
+    let ended = killed(dir.path(), 3, 0, true, 30_000);
+    let error = String::from_utf8_lossy(&ended.stderr);
+    // The run may have been over when it was killed.
+    if out.join("image.png").exists() {
+        assert!(picture(&out) == picture(&alone));
+    } else {
+        // The launcher itself (OpenMPI 4.1) is content whatever its processes end with, if it is to recover.
+        assert!(!out.join("report.json").exists(), "{error}");
+        for rank in [1, 2] {
+            assert!(error.contains(&format!("rank {rank} on ")) && error.contains("rank 0 is lost"), "{error}");
+        }
+    }
+    let mut again = mpirun(2);
+    again.arg(PROGRAM).args(PICTURE).arg("--out").arg(&out).arg("--checkpoint").arg(&kept);
+    succeeded(&mut again);
+    assert!(picture(&out) == picture(&alone), "another picture after rank 0 was killed");
+}
+
 fn npy(rays: &[[f32; 8]]) -> Vec<u8> {
     let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 8), }}", rays.len());
     let header = format!("{header:<117}\n");

@@ -1,7 +1,9 @@
 //! The thread that carries messages between a rank's decisions and its transport.
 
 use crate::message::{decode, encode};
-use crate::{ClusterError, ClusterReport, End, Lease, Ledger, Patience, Server, ToServer, ToWorker, Transport, Worker};
+use crate::{
+    ClusterError, ClusterReport, End, Lease, Ledger, Machine, Patience, Server, ToServer, ToWorker, Transport, Worker,
+};
 use rt_core::with_causes;
 use std::error::Error;
 use std::io;
@@ -119,7 +121,7 @@ pub fn deal<J: Job>(
     let (rank, size) = (transport.rank(), transport.size());
     let begin = Instant::now();
     let mut said = Vec::new();
-    let worker = Worker::new(deal.patience, deal.fingerprint, host(), Duration::ZERO, &mut said);
+    let worker = Worker::new(deal.patience, deal.fingerprint, Machine::this(), Duration::ZERO, &mut said);
     let desk = Desk { worker: Mutex::new(worker), changed: Condvar::new(), begin };
     let (tell, told) = channel();
     thread::scope(|threads| {
@@ -273,6 +275,10 @@ impl Courier<'_> {
             while let Some((from, bytes)) = self.transport.receive(within)? {
                 self.sent = (self.sent.0 + 1, self.sent.1 + bytes.len() as u64);
                 self.hear(from, &bytes)?;
+                if self.server.is_none() && self.desk.worker().end().is_some() {
+                    // What rank 0 says next is not of this deal.
+                    break;
+                }
                 within = Duration::ZERO;
             }
             let (now, mut said) = (self.desk.now(), Vec::new());
@@ -410,10 +416,4 @@ impl Courier<'_> {
         self.sent = (self.sent.0 + 1, self.sent.1 + bytes.len() as u64);
         Ok(self.transport.send(to, bytes)?)
     }
-}
-
-/// Name of this machine, for people.
-#[must_use]
-pub fn host() -> String {
-    std::fs::read_to_string("/proc/sys/kernel/hostname").map_or_else(|_| "?".to_owned(), |name| name.trim().to_owned())
 }

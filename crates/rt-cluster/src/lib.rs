@@ -41,6 +41,7 @@
 //! ([`Server`], [`Worker`]) do no I/O and know no clock, so that tests and simulations run them through millions of
 //! orders of events; [`deal`] is a thread that carries messages between them and a [`Transport`].
 //!
+//! Before they deal rank 0 can tell all others something, such as the scene, and hear of each afterwards ([`Relay`]).
 //! Processes that know nothing of each other share work as a [`Shard`] says.
 //!
 //! The feature `mpi` adds the module `mpi`, the transport between machines; it needs an MPI library
@@ -54,11 +55,13 @@ mod deal;
 mod error;
 mod ledger;
 pub mod local;
+mod machine;
 mod message;
 #[cfg(feature = "mpi")]
 pub mod mpi;
 mod patience;
 mod ranks;
+mod relay;
 mod report;
 mod server;
 mod shard;
@@ -67,12 +70,14 @@ mod transport;
 mod worker;
 
 pub use checkpoint::{Checkpoint, CheckpointError};
-pub use deal::{Deal, Dealt, Finished, Job, Take, deal, host};
+pub use deal::{Deal, Dealt, Finished, Job, Take, deal};
 pub use error::ClusterError;
 pub use ledger::{Lease, Ledger};
+pub use machine::{Machine, host};
 pub use message::{ToServer, ToWorker};
 pub use patience::Patience;
 pub use ranks::{JoinError, Ranks};
+pub use relay::{Heard, Relay};
 pub use report::{ClusterReport, RankReport};
 pub use server::Server;
 pub use shard::{NoShard, Shard};

@@ -1,6 +1,6 @@
 //! What ranks say to each other.
 
-use crate::{ClusterError, Lease};
+use crate::{ClusterError, Lease, Machine};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -11,8 +11,8 @@ pub enum ToServer {
     Hello {
         /// [`crate::Deal::fingerprint`]: what must be the same on all ranks.
         fingerprint: u64,
-        /// Name of its machine.
-        host: String,
+        /// Where it runs.
+        machine: Machine,
     },
     /// What tiles are expected to cost.
     Prices(Vec<Lease>),

@@ -28,6 +28,9 @@ pub struct ClusterReport {
 pub struct RankReport {
     /// Name of its machine; empty where it was never heard of.
     pub host: String,
+    /// Bytes of the largest resident set of its process up to the time it joined; `None` where its system does not
+    /// tell.
+    pub memory_bytes: Option<u64>,
     /// Tiles of which its result counted.
     pub tiles: u32,
     /// Wall seconds that those took.

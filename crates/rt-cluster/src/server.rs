@@ -68,8 +68,8 @@ impl Server {
         let peer = &mut self.peers[from as usize];
         let mut is_first = false;
         match message {
-            ToServer::Hello { fingerprint, host } => {
-                peer.report.host = host;
+            ToServer::Hello { fingerprint, machine } => {
+                (peer.report.host, peer.report.memory_bytes) = (machine.host, machine.memory);
                 if fingerprint == self.fingerprint {
                     self.stand(from, Standing::Present);
                     self.say(now, from, ToWorker::Welcome, out);

@@ -1,7 +1,7 @@
 //! Deals on a virtual clock: the decisions of [`Server`] and [`Worker`], with messages and tiles that take as long as a
 //! scenario says. For tests of what may happen in what order, and for clusters that nobody has.
 
-use crate::{ClusterError, End, Lease, Ledger, Patience, Server, ToServer, ToWorker, Worker};
+use crate::{ClusterError, End, Lease, Ledger, Machine, Patience, Server, ToServer, ToWorker, Worker};
 use rt_core::random;
 use std::collections::BinaryHeap;
 use std::time::Duration;
@@ -150,7 +150,7 @@ impl<'a> Simulation<'a> {
         };
         for rank in 0..count as u32 {
             let mut said = Vec::new();
-            let mut worker = Worker::new(scenario.patience, 0, String::new(), Duration::ZERO, &mut said);
+            let mut worker = Worker::new(scenario.patience, 0, Machine::default(), Duration::ZERO, &mut said);
             let priced = (0..).zip(&scenario.prices).map(|(tile, &cost)| Lease { tile, cost });
             let share = priced.skip(rank as usize).step_by(count).collect();
             worker.priced(Duration::ZERO, share, &mut said);

@@ -1,6 +1,6 @@
 //! Any rank's side of a deal: what to compute next, and when to ask for more.
 
-use crate::{Lease, Patience, ToServer, ToWorker};
+use crate::{Lease, Machine, Patience, ToServer, ToWorker};
 use std::collections::VecDeque;
 use std::time::Duration;
 
@@ -55,10 +55,10 @@ pub enum End {
 }
 
 impl Worker {
-    /// A rank on `host` that introduces itself.
+    /// A rank that introduces itself.
     #[must_use]
-    pub fn new(patience: Patience, fingerprint: u64, host: String, now: Duration, out: &mut Vec<ToServer>) -> Self {
-        out.push(ToServer::Hello { fingerprint, host });
+    pub fn new(patience: Patience, fingerprint: u64, machine: Machine, now: Duration, out: &mut Vec<ToServer>) -> Self {
+        out.push(ToServer::Hello { fingerprint, machine });
         Self {
             patience,
             queue: VecDeque::new(),

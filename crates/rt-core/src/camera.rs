@@ -150,25 +150,45 @@ impl CameraRays {
     /// As many rays as there is room for, from number `first` on, which must all be below [`CameraRays::len`]. What
     /// they have in common is computed once.
     pub fn rays(&self, first: u32, rays: &mut [Ray]) {
-        let Raster { pixel: [width, height], aspect } = self.raster();
-        let at = |pixel: u32, [dx, dy]: [f32; 2]| {
-            let (x, y) = ((pixel & 0xffff) as f32, (pixel >> 16) as f32);
-            self.camera.ray((x + dx) * width, (y + dy) * height, aspect)
-        };
+        let raster = self.raster();
         if self.is_centred() {
             let pixels = &self.pixels[first as usize..][..rays.len()];
-            rays.iter_mut().zip(pixels).for_each(|(ray, &pixel)| *ray = at(pixel, [0.5, 0.5]));
+            rays.iter_mut().zip(pixels).for_each(|(ray, &pixel)| *ray = self.through(raster, pixel, [0.5, 0.5]));
             return;
         }
         let (mut pixel, mut sample) = ((first / self.samples) as usize, first % self.samples);
         for ray in rays {
             let here = self.pixels[pixel];
-            *ray = at(here, random::spread_pair(self.seed, here, 0, self.first_sample + sample));
+            *ray = self.through(raster, here, self.place(here, sample));
             sample += 1;
             if sample == self.samples {
                 (pixel, sample) = (pixel + 1, 0);
             }
         }
+    }
+
+    /// The rays with these numbers, which must all be below [`CameraRays::len`], in as many places. What they have in
+    /// common is computed once.
+    pub fn rays_of(&self, numbers: &[u32], rays: &mut [Ray]) {
+        let raster = self.raster();
+        for (ray, &number) in rays.iter_mut().zip(numbers) {
+            let pixel = self.pixels[(number / self.samples) as usize];
+            let place = if self.is_centred() { [0.5, 0.5] } else { self.place(pixel, number % self.samples) };
+            *ray = self.through(raster, pixel, place);
+        }
+    }
+
+    /// Where one of the samples lies in a pixel.
+    fn place(&self, pixel: u32, sample: u32) -> [f32; 2] {
+        random::spread_pair(self.seed, pixel, 0, self.first_sample + sample)
+    }
+
+    /// The ray through a place in a pixel.
+    #[inline(always)]
+    fn through(&self, raster: Raster, pixel: u32, [dx, dy]: [f32; 2]) -> Ray {
+        let Raster { pixel: [width, height], aspect } = raster;
+        let (x, y) = ((pixel & 0xffff) as f32, (pixel >> 16) as f32);
+        self.camera.ray((x + dx) * width, (y + dy) * height, aspect)
     }
 
     /// Whether there is one ray for each pixel of the image, through its centre.
@@ -219,7 +239,8 @@ mod tests {
         assert!(camera.ray(1.0, 0.5, 2.0).direction.abs_diff_eq(Vec3::new(2.0, 0.0, -1.0), 1e-6));
     }
 
-    /// Mutants: the sample of the first of several rays is taken for 0; the next pixel's first sample for its second.
+    /// Mutants: the sample of the first of several rays is taken for 0; the next pixel's first sample for its second;
+    /// all samples gathered for the first.
     #[test]
     fn rays_are_the_same_one_by_one_and_together() {
         let camera = Camera::look_at(Vec3::new(0.0, 1.0, 5.0), Vec3::Y, Vec3::Y, 60.0).expect("valid");
@@ -236,6 +257,10 @@ mod tests {
                     assert_eq!(rays, alone[first as usize..last as usize], "{samples}: {first}..{last}");
                 }
             }
+            let some: Vec<u32> = (0..source.len()).rev().step_by(3).collect();
+            let mut rays = vec![Ray::new(Vec3::ZERO, Vec3::ZERO); some.len()];
+            source.rays_of(&some, &mut rays);
+            assert!(some.iter().zip(&rays).all(|(&number, ray)| *ray == alone[number as usize]), "{samples}");
         }
     }
 

@@ -210,6 +210,10 @@ impl RaySource {
             {
                 self.rays(first, rays, origins);
             }
+            (Self::Camera(camera), _) => {
+                camera.rays_of(numbers, rays);
+                origins.fill(u32::MAX);
+            }
             (Self::Bounce(bounce), _) => bounce.rays_of(numbers, rays, origins),
             _ => {
                 for ((ray, origin), &number) in rays.iter_mut().zip(origins).zip(numbers) {

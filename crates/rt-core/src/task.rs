@@ -102,6 +102,18 @@ impl RayMask {
         }
     }
 
+    /// The rays of a range whose bits are set, in increasing order.
+    pub fn set_in(&self, rays: Range<u32>) -> impl Iterator<Item = u32> {
+        let (first, last) = (rays.start as usize / 64, rays.end.div_ceil(64) as usize);
+        let words = self.words.get(first..last.min(self.words.len())).unwrap_or_default();
+        let numbers = (first as u32 * 64..).step_by(64);
+        let all = words.iter().zip(numbers).flat_map(|(&word, number)| {
+            let set = core::iter::successors(Some(word), |rest| Some(rest & rest.wrapping_sub(1)));
+            set.take_while(|&rest| rest != 0).map(move |rest| number + rest.trailing_zeros())
+        });
+        all.filter(move |ray| rays.contains(ray))
+    }
+
     /// The bits as 64-bit words, lowest ray in the lowest bit: the form a device uploads.
     #[must_use]
     pub fn words(&self) -> &[u64] {
@@ -150,6 +162,8 @@ mod tests {
                 (start..end).filter(|&r| mask.contains(r)).count() as u32,
                 "{start}..{end}"
             );
+            let set: Vec<u32> = mask.set_in(start..end).collect();
+            assert_eq!(set, (start..end).filter(|&r| mask.contains(r)).collect::<Vec<_>>(), "{start}..{end}");
         }
     }
 }

@@ -15,6 +15,7 @@ mod passes;
 mod plan;
 pub mod ranges;
 mod renderer;
+mod share;
 pub mod tiles;
 
 pub use animation::Animation;
@@ -24,3 +25,4 @@ pub use light::Light;
 pub use passes::{Frame, Passes};
 pub use plan::AnimationPlan;
 pub use renderer::{Part, Progress, Renderer, Session, TaskCut, Traced};
+pub use share::{ShareError, Subject};

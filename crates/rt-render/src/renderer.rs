@@ -1,7 +1,7 @@
 //! One frame: camera, shadow and diffuse streams in waves, shaded.
 
 use crate::film::{Lit, Radiance, for_paths};
-use crate::{Light, RenderError, memory};
+use crate::{Light, RenderError, Subject, memory};
 use glam::Vec3;
 use rt_balance::report::StreamRun;
 use rt_balance::sample::Fraction;
@@ -155,12 +155,18 @@ impl<'a> Renderer<'a> {
     /// Of a scene as a view shows it: one pixel of one path without bounces, unless something else is said.
     #[must_use]
     pub fn of(prepared: Prepared, view: &View, cancel: &'a AtomicBool) -> Self {
-        let Prepared { model, built, precision, .. } = prepared;
+        // The scene holds the triangles; the model's own go here.
+        Self::showing(Subject::of(prepared), view, cancel)
+    }
+
+    /// The same of what is left of a scene that is ready to be traced.
+    #[must_use]
+    pub fn showing(subject: Subject, view: &View, cancel: &'a AtomicBool) -> Self {
+        let Subject { scene, colours, precision, extent, .. } = subject;
         Self {
-            light: Light::new(view, model.bounds().extent().length()),
-            // The scene holds the triangles; the model's own go here.
-            colours: model.into_colours(),
-            surfaces: Arc::new(Surfaces::new(built.scene)),
+            light: Light::new(view, extent),
+            colours,
+            surfaces: Arc::new(Surfaces::new(scene)),
             size: [1, 1],
             samples: 1,
             bounces: 0,

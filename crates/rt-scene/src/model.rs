@@ -71,6 +71,24 @@ pub struct Colours {
 }
 
 impl Colours {
+    /// Of a palette and, for each triangle, an index into it: none where all have the first.
+    #[must_use]
+    pub const fn new(palette: Vec<Vec3>, of: Vec<u16>) -> Self {
+        Self { palette, of }
+    }
+
+    /// The colours.
+    #[must_use]
+    pub fn palette(&self) -> &[Vec3] {
+        &self.palette
+    }
+
+    /// For each triangle an index into the palette; none where all have the first.
+    #[must_use]
+    pub fn indices(&self) -> &[u16] {
+        &self.of
+    }
+
     /// Diffuse colour of triangle `primitive`.
     #[must_use]
     pub fn of(&self, primitive: u32) -> Vec3 {

@@ -24,6 +24,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) query: Query,
     /// Where so few rays of a packet are left they go on alone.
     pub(crate) few: u32,
+    /// Whether neighbours soon leave each other.
+    pub(crate) scattered: bool,
     pub(crate) rays: &'a [Ray],
     /// An entry for each ray, or none.
     pub(crate) excluded: &'a [u32],
@@ -156,7 +158,7 @@ impl<const ANY: bool> Work for Tracing<'_, ANY> {
 impl Batch<'_> {
     #[inline(always)]
     fn trace<L: Level, const ANY: bool>(self, level: L) {
-        let Self { tree, frame, packet, few, query, mut excluded, .. } = self;
+        let Self { tree, frame, packet, few, scattered, query, mut excluded, .. } = self;
         let mut next = self.rays.chunks(RAYS).skip(1);
         for (rays, hits) in self.rays.chunks(RAYS).zip(self.hits.chunks_mut(RAYS)) {
             // What a caller has in memory is seldom in the cache.
@@ -165,7 +167,7 @@ impl Batch<'_> {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let mut extreme = fill(level, frame, &mut packet.groups, rays, own);
-            packet.trace::<L, ANY>(level, tree, frame, rays, few);
+            packet.trace::<L, ANY>(level, tree, frame, rays, (few, scattered));
             for (group, hits) in packet.groups.iter().zip(hits.chunks_mut(LANES)) {
                 group.write(level, hits);
             }

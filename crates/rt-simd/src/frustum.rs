@@ -31,10 +31,10 @@ impl Frustum {
         for axis in 0..3 {
             let (mut highest, mut lowest, mut low, mut high) = (greatest, least, least, greatest);
             for (group, &rays) in groups.iter().zip(rays) {
-                let (origin, pad) = (level.load(&group.origin[axis]), level.load(&group.pad[axis]));
+                let [lower, upper] = &group.padded[axis];
                 let reciprocal = level.load(&group.reciprocal[axis]);
-                highest = highest.greater((origin + pad).or_else(rays, greatest));
-                lowest = lowest.lesser((origin - pad).or_else(rays, least));
+                highest = highest.greater(level.load(lower).or_else(rays, greatest));
+                lowest = lowest.lesser(level.load(upper).or_else(rays, least));
                 low = low.lesser(reciprocal.or_else(rays, least));
                 high = high.greater(reciprocal.or_else(rays, greatest));
             }

@@ -22,7 +22,7 @@
 //! # Current state and limits
 //!
 //! * `unsafe` is in the modules of intrinsics, and where the kernels compiled for them are called; it rests on a proof
-//!   that only finding the instructions makes.
+//!   that only finding the instructions makes. Beside that, the system is asked for large pages.
 //! * No kernel for [`rt_core::Precision::Fast`].
 #![deny(unsafe_code)]
 
@@ -34,6 +34,7 @@ mod isa;
 mod lanes;
 mod order;
 mod packet;
+mod pages;
 mod rays;
 mod single;
 mod stack;
@@ -43,6 +44,7 @@ mod triangles;
 
 pub use dispatch::Loops;
 pub use isa::{Isa, UnknownIsa};
+pub use pages::use_large_pages;
 
 use counted::{CountBatch, Counter};
 use dispatch::{Batch, Facing, Looping, Making, Which};
@@ -173,8 +175,9 @@ impl Kernel {
         for (rays, hits) in rays.chunks(WINDOW).zip(hits.chunks_mut(WINDOW)) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
-            let batch = Batch { tree, frame: &frame, packet, query, few, rays, excluded: own, hits };
-            if order::are_to_be_sorted(coherence, rays) {
+            let scattered = order::are_to_be_sorted(coherence, rays);
+            let batch = Batch { tree, frame: &frame, packet, query, few, scattered, rays, excluded: own, hits };
+            if scattered {
                 sorted.take(rays, own);
                 self.0.trace(Batch {
                     rays: &sorted.rays[..rays.len()],
@@ -189,12 +192,12 @@ impl Kernel {
         }
     }
 
-    /// Walks rays and writes the tests of each (as the crate's documentation says), and of full walks its hit: of
-    /// [`Query::Closest`] that of [`Kernel::trace`]. Hits and counts do not depend on a ray's company, on the
-    /// instructions or on what is said of `coherence`.
+    /// Walks rays and writes the tests of each (as the crate's documentation says), and its hit unless `hits` is empty:
+    /// of full walks with [`Query::Closest`] that of [`Kernel::trace`], of reduced ones a miss. Hits and counts do not
+    /// depend on a ray's company, on the instructions or on what is said of `coherence`.
     ///
     /// # Panics
-    /// When `counts` or `hits` are not as long as `rays`, or `excluded` neither that nor empty.
+    /// When `counts` is not as long as `rays`, or `hits` or `excluded` neither that nor empty.
     #[expect(clippy::too_many_arguments, reason = "a ray's parts and results, each in an array of its own")]
     pub fn count(
         self,
@@ -218,9 +221,10 @@ impl Kernel {
         scratch: &mut Scratch,
         walk: Walk,
         (query, coherence): (Query, Coherence),
-        (rays, mut excluded, counts, hits): (&[Ray], &[u32], &mut [TestCounts], &mut [Hit]),
+        (rays, mut excluded, counts, mut hits): (&[Ray], &[u32], &mut [TestCounts], &mut [Hit]),
     ) {
-        assert!(rays.len() == hits.len() && rays.len() == counts.len(), "a hit and counts for each ray");
+        assert_eq!(rays.len(), counts.len(), "counts for each ray");
+        assert!(hits.is_empty() || hits.len() == rays.len(), "a hit for each ray, or none");
         assert!(excluded.is_empty() || excluded.len() == rays.len(), "a primitive for each ray, or none");
         assert!(tree.depth() <= Stack::DEPTH, "the tree is deeper than any scene's");
         let frame = Frame::of(tree);
@@ -228,10 +232,10 @@ impl Kernel {
         let Counting { counter, counts: sorted_counts } = &mut **counting.get_or_insert_with(|| {
             Box::new(Counting { counter: Counter::new(), counts: vec![TestCounts::default(); WINDOW] })
         });
-        let results = counts.chunks_mut(WINDOW).zip(hits.chunks_mut(WINDOW));
-        for (rays, (counts, hits)) in rays.chunks(WINDOW).zip(results) {
+        for (rays, counts) in rays.chunks(WINDOW).zip(counts.chunks_mut(WINDOW)) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
+            let hits = hits.split_off_mut(..rays.len().min(hits.len())).unwrap_or_default();
             if order::are_to_be_sorted(coherence, rays) {
                 sorted.take(rays, own);
                 let sorted_counts = &mut sorted_counts[..rays.len()];
@@ -247,7 +251,7 @@ impl Kernel {
                         rays: &sorted.rays[..rays.len()],
                         excluded: &sorted.excluded[..own.len()],
                         counts: &mut *sorted_counts,
-                        hits: &mut sorted.hits[..rays.len()],
+                        hits: &mut sorted.hits[..hits.len()],
                     },
                 );
                 sorted.give(sorted_counts, counts);

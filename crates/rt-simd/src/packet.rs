@@ -4,15 +4,16 @@
 //! for the bounds of packets S. Boulos, I. Wald and P. Shirley, *Geometric and Arithmetic Culling Methods for Entire
 //! Ray Packets* (2006). The rays of each octant walk by themselves. A node's eight boxes are tested against the bounds
 //! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
-//! at a time, and goes on the stack with the set of those that enter it. A single child is not: testing it costs more
-//! than the few rays save that do not enter it. Where few are left they go on one by one (the module `single`).
+//! at a time, or of scattered rays all of them with one ray at a time where these are fewer, and goes on the stack
+//! with the set of those that enter it. A single child is not tested: that costs more than the few rays save that do
+//! not enter it. Where few are left they go on one by one (the module `single`).
 //!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
 use crate::frustum::Frustum;
-use crate::lanes::{Floats8 as _, Floats16, LANES, Level, Slots as _};
+use crate::lanes::{Floats8 as _, Floats16, LANES, Level, Sets as _, Slots as _};
 use crate::rays::{Frame, Group, Set};
-use crate::single;
+use crate::single::{self, enter_each};
 use crate::stack::Stack;
 use crate::triangles::{AXES, any, nearest};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
@@ -40,7 +41,8 @@ impl Packet {
     }
 
     /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left
-    /// to enter a node, they go on alone. The nearest hits, or with `ANY` whichever are found first, are in the groups.
+    /// to enter a node, they go on alone; rays that are `scattered` soon leave each other. The nearest hits, or with
+    /// `ANY` whichever are found first, are in the groups.
     #[inline(always)]
     pub(crate) fn trace<L: Level, const ANY: bool>(
         &mut self,
@@ -48,7 +50,7 @@ impl Packet {
         tree: &BlockTree,
         frame: &Frame,
         rays: &[Ray],
-        few: u32,
+        (few, scattered): (u32, bool),
     ) {
         let Self { groups, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
@@ -70,7 +72,7 @@ impl Packet {
                 continue;
             }
             let frustum = Frustum::around(level, groups, &open, octant);
-            let mut walk = Walk { tree, far, frame, rays, few, groups, open, octant };
+            let mut walk = Walk { tree, far, frame, rays, few, scattered, groups, open, octant };
             walk.run::<L, ANY>(level, frustum, stack);
         }
     }
@@ -114,6 +116,24 @@ pub(crate) fn fetch<L: Level>(level: L, tree: &BlockTree, child: u32) {
     }
 }
 
+/// By axis, the planes of a node's boxes through which rays enter, and those through which they leave.
+pub(crate) type Planes<'n> = [[&'n [f32; 8]; 2]; 3];
+
+/// Whether so few rays of a group visit a node that each is tested with all of its boxes, instead of each of so many
+/// children with all of the rays.
+#[inline(always)]
+pub(crate) fn is_for_each(rays: Set, children: usize) -> bool {
+    rays.count_ones() as usize <= children
+}
+
+/// By axis, what belongs to the planes through which rays of an octant enter a box, and to those through which they
+/// leave it, of what belongs to its lower and its upper planes.
+#[inline(always)]
+pub(crate) fn ways<T>([x, y, z]: &[[T; 2]; 3], octant: usize) -> [[&T; 2]; 3] {
+    let [i, j, k] = [octant & 1, octant >> 1 & 1, octant >> 2 & 1];
+    [[&x[i], &x[i ^ 1]], [&y[j], &y[j ^ 1]], [&z[k], &z[k ^ 1]]]
+}
+
 /// Rays of one octant on their way.
 struct Walk<'a> {
     tree: &'a BlockTree,
@@ -123,6 +143,7 @@ struct Walk<'a> {
     /// As given.
     rays: &'a [Ray],
     few: u32,
+    scattered: bool,
     groups: &'a mut [Group],
     /// Rays that go on, by group.
     open: [Set; GROUPS],
@@ -186,11 +207,16 @@ impl Walk<'_> {
             stack.push(entries[0], child(0), rays);
             return;
         }
-        let mut entered = [0; 8];
-        let planes = self.planes(node.planes());
+        let (mut entered, mut by_slot) = ([0; 8], level.no_rays());
+        let planes = ways(node.planes(), self.octant);
         for (i, group) in self.groups.iter().enumerate() {
             let some = (rays >> (LANES * i)) as Set;
-            if some != 0 {
+            if some == 0 {
+                continue;
+            }
+            if self.scattered && is_for_each(some, count) {
+                by_slot = enter_each(level, (group, LANES * i), self.octant, planes, some, by_slot);
+            } else {
                 let slabs = Slabs::of(level, group, self.octant);
                 for (&slot, entered) in numbers.iter().zip(&mut entered).take(count) {
                     let slot = slot as usize & 7;
@@ -201,27 +227,19 @@ impl Walk<'_> {
                 }
             }
         }
+        let mut each = [0; 8];
+        by_slot.store(&mut each);
         for j in 0..count {
-            stack.push_if(entered[j & 7] != 0, entries[j & 7], child(j), entered[j & 7]);
+            let rays = entered[j & 7] | each[numbers[j & 7] as usize & 7];
+            stack.push_if(rays != 0, entries[j & 7], child(j), rays);
         }
-    }
-
-    /// By axis, what belongs to the planes through which the rays enter a box, and to those through which they leave
-    /// it.
-    #[inline(always)]
-    fn planes<'p, T>(&self, [x, y, z]: &'p [[T; 2]; 3]) -> [[&'p T; 2]; 3] {
-        let pair = |axis: usize, planes: &'p [T; 2]| {
-            let enter = self.octant >> axis & 1;
-            [&planes[enter], &planes[enter ^ 1]]
-        };
-        [pair(0, x), pair(1, y), pair(2, z)]
     }
 
     /// Tests the triangles of a block; whether limits have come down.
     #[inline(always)]
     fn block<L: Level, const ANY: bool>(&mut self, level: L, block: &Block, count: u32, rays: u64) -> bool {
         let bounds = [block.axes[0].bounds, block.axes[1].bounds, block.axes[2].bounds];
-        let [x, y, z] = self.planes(&bounds);
+        let [x, y, z] = ways(&bounds, self.octant);
         let (near, far) = ([*x[0], *y[0], *z[0]], [*x[1], *y[1], *z[1]]);
         let mut shorter = false;
         for (i, (group, given)) in self.groups.iter_mut().zip(self.rays.chunks(LANES)).enumerate() {
@@ -266,7 +284,8 @@ impl Walk<'_> {
             rays &= rays - 1;
             let (i, lane) = (ray / LANES, ray % LANES);
             let group = &mut self.groups[i];
-            single::walk::<L, ANY>(level, self.tree, self.frame, group, (lane, &self.rays[ray]), child, stack);
+            let ray = (lane, &self.rays[ray], self.octant);
+            single::walk::<L, ANY>(level, self.tree, self.frame, group, ray, child, stack);
             if ANY {
                 self.open[i] &= !group.found;
             }

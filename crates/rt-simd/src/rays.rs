@@ -88,9 +88,9 @@ impl Frame {
 pub(crate) struct Group {
     /// Local origin, not rounded.
     pub(crate) origin: [Lanes; 3],
-    /// How far the origin is moved for box tests.
-    pub(crate) pad: [Lanes; 3],
-    /// The origin as the lower planes of boxes see it, and as the upper ones do, times the reciprocal.
+    /// The origin as the lower planes of boxes see it, and as the upper ones do: moved apart by the padding.
+    pub(crate) padded: [[Lanes; 2]; 3],
+    /// Those times the reciprocal.
     pub(crate) offset: [[Lanes; 2]; 3],
     /// One over the local direction.
     pub(crate) reciprocal: [Lanes; 3],
@@ -139,7 +139,7 @@ const NONE: f32 = f32::from_bits(u32::MAX);
 impl Group {
     pub(crate) const EMPTY: Self = Self {
         origin: [Lanes::ZERO; 3],
-        pad: [Lanes::ZERO; 3],
+        padded: [[Lanes::ZERO; 2]; 3],
         offset: [[Lanes::ZERO; 2]; 3],
         reciprocal: [Lanes::ZERO; 3],
         begin: Lanes::ZERO,
@@ -222,7 +222,8 @@ impl Group {
             let reciprocal = level.splat(1.0) / local.abs().greater(level.splat(SMALLEST)).with_sign_of(local);
             let (lower, upper) = (o + pad, o - pad);
             o.store(&mut self.origin[axis]);
-            pad.store(&mut self.pad[axis]);
+            lower.store(&mut self.padded[axis][0]);
+            upper.store(&mut self.padded[axis][1]);
             (lower * reciprocal).store(&mut self.offset[axis][0]);
             (upper * reciprocal).store(&mut self.offset[axis][1]);
             reciprocal.store(&mut self.reciprocal[axis]);

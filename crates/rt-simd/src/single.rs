@@ -1,65 +1,91 @@
-//! One ray of a group, alone: what becomes of the last few of a packet.
+//! One ray of a group, alone: at a node that few of a packet visit, and all the way for the last few of it.
 //!
 //! A node's eight boxes are tested at once, and so are a block's four triangles.
 
-use crate::lanes::{Floats as _, Floats8 as _, LANES, Level, Slots as _};
+use crate::lanes::{Floats as _, Floats8 as _, LANES, Level, Sets as _, Slots as _};
 use crate::order::order;
-use crate::rays::{Frame, Group};
+use crate::packet::{Planes, ways};
+use crate::rays::{Frame, Group, Set};
 use crate::stack::Stack;
 use crate::triangles::may_be_hit;
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::intersect::Shear;
 use rt_core::{Hit, Ray};
 
-/// What tests know of the ray.
+/// What box tests know of the ray.
 struct Single {
-    /// By axis: which planes of a box it enters through, 0 for the lower ones.
-    near: [usize; 3],
-    /// For those planes, and for those through which it leaves: padded origin times reciprocal.
-    offset: [[f32; 2]; 3],
+    /// For the planes through which it enters a box, and for those through which it leaves: padded origin times
+    /// reciprocal.
+    enter: [f32; 3],
+    leave: [f32; 3],
     reciprocal: [f32; 3],
     begin: f32,
     limit: f32,
     octant: usize,
-    axes: [usize; 3],
 }
 
 impl Single {
     #[inline(always)]
-    fn of(group: &Group, lane: usize) -> Self {
-        let near = [0, 1, 2].map(|axis: usize| usize::from(group.down[axis] >> lane & 1));
-        let offset = |axis: usize| {
-            let sides = &group.offset[axis];
-            [sides[near[axis] & 1].0[lane], sides[near[axis] & 1 ^ 1].0[lane]]
-        };
+    fn of(group: &Group, lane: usize, octant: usize) -> Self {
+        let lane = lane % LANES;
+        let [x, y, z] = ways(&group.offset, octant);
+        let [i, j, k] = &group.reciprocal;
         Self {
-            near,
-            offset: [offset(0), offset(1), offset(2)],
-            reciprocal: [group.reciprocal[0].0[lane], group.reciprocal[1].0[lane], group.reciprocal[2].0[lane]],
+            enter: [x[0].0[lane], y[0].0[lane], z[0].0[lane]],
+            leave: [x[1].0[lane], y[1].0[lane], z[1].0[lane]],
+            reciprocal: [i.0[lane], j.0[lane], k.0[lane]],
             begin: group.begin.0[lane],
             limit: group.limit.0[lane],
-            octant: near[0] | near[1] << 1 | near[2] << 2,
-            axes: group.axes_of(lane),
+            octant,
         }
+    }
+
+    /// Where the ray enters and leaves a node's boxes: those that it enters are those where the first is not above the
+    /// second.
+    #[inline(always)]
+    fn distances<L: Level>(&self, level: L, [x, y, z]: Planes<'_>) -> (L::F8, L::F8) {
+        let Self { enter, leave, reciprocal: [i, j, k], begin, limit, .. } = self;
+        let (i, j, k) = (level.splat8(*i), level.splat8(*j), level.splat8(*k));
+        let near = (level.load8(x[0]).mul_sub(i, level.splat8(enter[0])))
+            .greater(level.load8(y[0]).mul_sub(j, level.splat8(enter[1])));
+        let near = near.greater(level.load8(z[0]).mul_sub(k, level.splat8(enter[2])).greater(level.splat8(*begin)));
+        let far = (level.load8(x[1]).mul_sub(i, level.splat8(leave[0])))
+            .lesser(level.load8(y[1]).mul_sub(j, level.splat8(leave[1])));
+        let far = far.lesser(level.load8(z[1]).mul_sub(k, level.splat8(leave[2])).lesser(level.splat8(*limit)));
+        (near, far)
     }
 
     /// Puts the children that the ray enters on the stack, the first to visit uppermost.
     #[inline(always)]
     fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
-        let planes = node.planes();
-        let plane = |axis: usize, side: usize| {
-            let reciprocal = level.splat8(self.reciprocal[axis]);
-            let offset = level.splat8(self.offset[axis][side]);
-            level.load8(&planes[axis][(self.near[axis] ^ side) & 1]).mul_sub(reciprocal, offset)
-        };
-        let near = plane(0, 0).greater(plane(1, 0)).greater(plane(2, 0).greater(level.splat8(self.begin)));
-        let far = plane(0, 1).lesser(plane(1, 1)).lesser(plane(2, 1).lesser(level.splat8(self.limit)));
+        let (near, far) = self.distances(level, ways(node.planes(), self.octant));
         let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         let (entries, children) = stack.room();
         near.pick(slots).store(entries);
         slots.pick(node.children(), children);
         stack.grow(count);
     }
+}
+
+/// Adds rays of a group, one after the other, to the sets of those that enter the boxes in each slot of a node. In the
+/// sets the group begins with ray `first`.
+#[inline(always)]
+pub(crate) fn enter_each<L: Level>(
+    level: L,
+    (group, first): (&Group, usize),
+    octant: usize,
+    planes: Planes<'_>,
+    rays: Set,
+    mut sets: L::Sets,
+) -> L::Sets {
+    let mut rest = rays;
+    while rest != 0 {
+        let lane = rest.trailing_zeros() as usize;
+        rest &= rest - 1;
+        let (near, far) = Single::of(group, lane, octant).distances(level, planes);
+        sets = sets.with(near.not_above(far), 1 << (first + lane));
+    }
+    sets
 }
 
 /// Visits what hangs below a child with one ray of a group, whose hit becomes the nearest so far, or with `ANY` the
@@ -72,12 +98,13 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
     tree: &BlockTree,
     frame: &Frame,
     group: &mut Group,
-    (lane, given): (usize, &Ray),
+    (lane, given, octant): (usize, &Ray, usize),
     child: u32,
     stack: &mut Stack,
 ) {
     let lane = lane % LANES;
-    let mut ray = Single::of(group, lane);
+    let mut ray = Single::of(group, lane, octant);
+    let axes = group.axes_of(lane);
     let bottom = stack.len();
     let mut shear = None;
     stack.push(ray.begin, child, 0);
@@ -90,7 +117,7 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
             BlockChild::Node(index) => ray.enter::<L, ANY>(level, &tree.nodes()[index as usize], stack),
             BlockChild::Block { index, count } => {
                 let block = (&tree.blocks()[index as usize], count);
-                if meets_any::<L, ANY>(level, frame, group, (lane, given), block, ray.axes, &mut shear) {
+                if meets_any::<L, ANY>(level, frame, group, (lane, given), block, axes, &mut shear) {
                     if ANY {
                         stack.cut(bottom);
                         return;

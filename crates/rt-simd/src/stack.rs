@@ -14,6 +14,9 @@ pub(crate) struct Stack {
 }
 
 impl Stack {
+    /// Places of entries.
+    pub(crate) const PLACES: usize = ENTRIES;
+
     /// Deepest tree whose traversals it can hold.
     pub(crate) const DEPTH: u32 = ((ENTRIES - 8) / 7) as u32;
 

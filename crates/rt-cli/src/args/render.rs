@@ -45,7 +45,7 @@ pub(crate) struct RenderArgs {
           value_name = "DEGREES", requires = "frames")]
     pub(crate) orbit: Option<f32>,
     /// Wind in the garden's trees, so that they move from frame to frame
-    #[arg(long, help_heading = heading::PICTURE, requires = "frames")]
+    #[arg(long, help_heading = heading::PICTURE, requires = "frames", conflicts_with = "broadcast")]
     pub(crate) wind: bool,
     /// Key frames that the camera moves along, one in a line: frame, eye, target, up and field of view, separated by
     /// tabs, and coordinates by blanks
@@ -83,6 +83,10 @@ pub(crate) struct RenderArgs {
     /// number of processes; only pictures and report.json are written then
     #[arg(long, help_heading = heading::MACHINES, value_name = "DIR")]
     pub(crate) checkpoint: Option<PathBuf>,
+    /// Under mpirun, send the scene with its tree from the first process to the others, which then need not read and
+    /// build it
+    #[arg(long, help_heading = heading::MACHINES)]
+    pub(crate) broadcast: bool,
     /// Which part of the frames this process renders: 1/8 to 8/8 for the first to the last of eight that share --out
     #[arg(long, help_heading = heading::MACHINES, value_name = "I/N", requires = "frames",
           conflicts_with_all = ["reference", "checkpoint"])]

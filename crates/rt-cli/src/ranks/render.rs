@@ -3,13 +3,15 @@
 use super::{explained, warn};
 use crate::args::RenderArgs;
 use crate::memory::{self, BYTES_PER_PATH, Room};
-use crate::render::{self, Stage};
-use crate::report::{Report, SCHEMA};
-use crate::{interrupt, progress, scene, table};
+use crate::output::Outputs;
+use crate::render::{self, Source, Stage};
+use crate::report::{Report, SCHEMA, SceneReport};
+use crate::{interrupt, progress, table};
 use anyhow::{Result, bail};
-use rt_cluster::{Checkpoint, Deal, Finished, Ranks, deal};
+use rt_cluster::{Checkpoint, Deal, Finished, Heard, Patience, Ranks, Relay, Transport, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
-use rt_render::{Film, Session, Traced};
+use rt_render::{Film, Session, Subject, Traced};
+use rt_report::chart::trace::{self, Timeline};
 use rt_report::headline::Headline;
 use rt_report::pictures::Part;
 use rt_report::print::Stdout;
@@ -36,14 +38,18 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         bail!(usage("--shard is for processes that work apart: leave it out where several work together"));
     }
     let is_first = ranks.rank() == 0;
-    scene::check([render::scene_of(args)])?;
-    let outputs = is_first.then(|| render::outputs(args, &["report.json"]));
+    if is_first || !args.broadcast {
+        render::check(args)?;
+    }
+    let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"]));
     outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
-    let Stage { described, devices, balancer, motion, mut renderer, mut animation, mut seconds } =
-        Stage::set(args, &scheduling.limits, outputs.as_ref())?;
-    let mut streams = Vec::new();
-    let mut record = |traced: Traced<'_>| streams.push(traced.run.report);
+    let mut relay = Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag()));
+    let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
+    let Stage { devices, balancer, motion, mut renderer, mut animation, begin_s, mut seconds } =
+        Stage::set(args, &scheduling.limits, source)?;
+    let mut runs = Vec::new();
+    let mut record = |traced: Traced<'_>| runs.push(traced.run);
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
     let mut scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
@@ -54,7 +60,6 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
-    let mut transport = ranks.transport();
     for frame in args.frames.range() {
         if animation.show(frame, &mut renderer, &mut session)? {
             scene = fingerprint_of_scene(&renderer);
@@ -89,7 +94,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             checkpoint.as_mut().map_or(Ok(()), |checkpoint: &mut Checkpoint| checkpoint.add(done))
         };
         let mut job = FrameTiles { renderer: &renderer, session: &mut session, paths: &paths, frame, tiles };
-        let dealt = deal(&mut *transport, &about, &mut job, &mut take);
+        let dealt = deal(&mut relay, &about, &mut job, &mut take);
         bar.finish_and_clear();
         let dealt = dealt.map_err(explained)?;
         is_complete &= dealt.is_complete;
@@ -105,9 +110,18 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             reports.push(report);
         }
     }
-    drop(transport);
     interrupt::check()?;
-    if is_first {
+    let Session { scheduling, .. } = session;
+    let timeline = Timeline::of(relay.rank(), &runs, begin_s);
+    let heard = if is_first {
+        let lost = |rank: &u32| reports.last().is_some_and(|last| last.ranks[*rank as usize].lost.is_some());
+        let others: Vec<u32> = (1..relay.size()).filter(|rank| !lost(rank)).collect();
+        relay.ask(&others, &rt_balance::clock).map_err(explained)?
+    } else {
+        relay.answer(&serde_json::to_vec(&timeline)?, &rt_balance::clock).map_err(explained)?;
+        Vec::new()
+    };
+    if let Some(described) = described.filter(|_| is_first) {
         pictures.write_sheet()?;
         if missing.is_empty() {
             return Ok(is_complete);
@@ -115,7 +129,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         seconds.write += pictures.seconds;
         seconds.add_updates(animation.updates());
         seconds.total = start.elapsed().as_secs_f64();
-        let Session { scheduling, .. } = session;
+        let heard: Vec<Heard> = heard.into_iter().flatten().collect();
+        let timelines = Timeline::together(timeline, begin_s, &heard);
+        trace::write_timelines(&args.out.join("trace.json"), &timelines, &provenance)?;
         let report = Report {
             schema: SCHEMA,
             provenance,
@@ -123,7 +139,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
-            streams,
+            streams: runs.into_iter().map(|run| run.report).collect(),
             headline: Headline::of_processes(&reports),
             updates: animation.updates().to_vec(),
             cluster: reports,
@@ -138,11 +154,32 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             writeln!(Stdout, "\n{}", terminal::ranks(&report.cluster, width).trim_end())?;
             write!(Stdout, "{}", terminal::updates(&report, width))?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
-            writeln!(Stdout, "  written to {}: image, report.json", args.out.display())?;
+            writeln!(Stdout, "  written to {}: image, trace.json, report.json", args.out.display())?;
             write!(Stdout, "\n{}", terminal::headline(&report, width))?;
         }
     }
     Ok(is_complete)
+}
+
+/// The scene, and on rank 0 what is told of it: prepared by each rank, or by rank 0 for all.
+fn source(
+    args: &RenderArgs,
+    outputs: Option<&Outputs>,
+    relay: &mut Relay<'_>,
+) -> Result<(Source, Option<SceneReport>)> {
+    let begin = Instant::now();
+    if args.broadcast && relay.rank() > 0 {
+        let (subject, view) = Subject::receive(relay)?;
+        return Ok((Source { subject, view, took_s: [begin.elapsed().as_secs_f64(), 0.0], wind: None }, None));
+    }
+    let prepared = Source::prepare(args, outputs);
+    match &prepared {
+        Ok((Source { subject, view, .. }, _)) if args.broadcast => subject.send(view, relay).map_err(explained)?,
+        Err(_) if args.broadcast => Subject::give_up(relay).map_err(explained)?,
+        _ => {}
+    }
+    let (source, described) = prepared?;
+    Ok((source, Some(described)))
 }
 
 /// Cuts the picture into tiles. Free memory does not decide how: it differs between machines, the cut must not.

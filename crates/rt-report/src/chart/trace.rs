@@ -7,30 +7,75 @@ use super::bars;
 use crate::output::write_atomically;
 use crate::{Provenance, ReportError};
 use rt_balance::report::{ActivityKind, StreamRun};
+use rt_cluster::Heard;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Process id of the events: the node's number, and there is one node.
-const NODE: u32 = 0;
+/// What one process did, on its own clock: events of the format, which can be sent as they are.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub struct Timeline(Vec<Value>);
+
+impl Timeline {
+    /// Of the process of a rank, 0 where there is one alone, whose devices' clock showed `begin_s` seconds when its
+    /// balancer was made.
+    #[must_use]
+    pub fn of(rank: u32, runs: &[StreamRun], begin_s: f64) -> Self {
+        let mut timeline = Self(events(rank, runs).collect());
+        timeline.shift(begin_s);
+        timeline
+    }
+
+    /// What several processes did, on the clock of rank 0 from when its own began: `own` with what others said, each
+    /// made by [`Timeline::of`] as JSON. What is something else is left out.
+    #[must_use]
+    pub fn together(own: Self, begin_s: f64, heard: &[Heard]) -> Vec<Self> {
+        let read = |heard: &Heard| {
+            let mut timeline: Self = serde_json::from_slice(&heard.bytes).ok()?;
+            timeline.shift(-heard.clock_ahead_s);
+            Some(timeline)
+        };
+        let mut timelines: Vec<Self> = std::iter::once(own).chain(heard.iter().filter_map(read)).collect();
+        timelines.iter_mut().for_each(|timeline| timeline.shift(-begin_s));
+        timelines
+    }
+
+    /// Moves everything by so many seconds.
+    fn shift(&mut self, seconds: f64) {
+        for event in &mut self.0 {
+            if let Some(at) = event.get("ts").and_then(Value::as_f64) {
+                event["ts"] = json!(at + seconds * 1e6);
+            }
+        }
+    }
+}
 
 /// Writes the run's activities, one event a line.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub fn write_json(path: &Path, runs: &[StreamRun], provenance: &Provenance) -> Result<(), ReportError> {
+    write_timelines(path, &[Timeline::of(0, runs, 0.0)], provenance)
+}
+
+/// Writes what several processes did on one clock.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn write_timelines(path: &Path, timelines: &[Timeline], provenance: &Provenance) -> Result<(), ReportError> {
     write_atomically(path, |out| {
         // What the format does not know viewers keep as it is.
         let provenance = serde_json::to_string(provenance)?;
         write!(out, "{{\"displayTimeUnit\":\"ms\",\"otherData\":{{\"provenance\":{provenance}}},\"traceEvents\":[")?;
-        for (index, event) in events(runs).enumerate() {
+        for (index, event) in timelines.iter().flat_map(|timeline| &timeline.0).enumerate() {
             out.write_all(if index == 0 { b"\n" } else { b",\n" })?;
-            serde_json::to_writer(&mut *out, &event)?;
+            serde_json::to_writer(&mut *out, event)?;
         }
         out.write_all(b"\n]}\n")
     })
 }
 
-fn events(runs: &[StreamRun]) -> impl Iterator<Item = Value> {
+fn events(rank: u32, runs: &[StreamRun]) -> impl Iterator<Item = Value> {
     let devices = runs.iter().map(|run| bars::rows(run).len()).max().unwrap_or(0);
     let spans = spans(runs);
     let frames: Vec<Value> = spans
@@ -50,7 +95,10 @@ fn events(runs: &[StreamRun]) -> impl Iterator<Item = Value> {
         });
         std::iter::once(complete(&report.kind, "stream", devices, start, end, args)).chain(activities(run))
     });
-    names(runs, devices).into_iter().chain(frames).chain(streams)
+    names(rank, runs, devices).into_iter().chain(frames).chain(streams).map(move |mut event| {
+        event["pid"] = json!(rank);
+        event
+    })
 }
 
 /// When each stream began and ended. None begins before the last one has ended: viewers nest what overlaps.
@@ -85,15 +133,16 @@ fn activities(run: &StreamRun) -> impl Iterator<Item = Value> {
 /// A complete event; the format counts in microseconds.
 fn complete(name: &str, category: &str, thread: usize, start_s: f64, end_s: f64, args: Value) -> Value {
     json!({
-        "name": name, "cat": category, "ph": "X", "pid": NODE, "tid": thread,
+        "name": name, "cat": category, "ph": "X", "tid": thread,
         "ts": start_s * 1e6, "dur": (end_s - start_s) * 1e6, "args": args,
     })
 }
 
 /// What the viewer writes beside the rows, and their order.
-fn names(runs: &[StreamRun], devices: usize) -> Vec<Value> {
-    let metadata = |what: &str, thread: usize, args: Value| json!({"name": what, "ph": "M", "pid": NODE, "tid": thread, "args": args});
-    let mut names = vec![metadata("process_name", 0, json!({"name": format!("node {NODE}")}))];
+fn names(rank: u32, runs: &[StreamRun], devices: usize) -> Vec<Value> {
+    let metadata =
+        |what: &str, thread: usize, args: Value| json!({"name": what, "ph": "M", "tid": thread, "args": args});
+    let mut names = vec![metadata("process_name", 0, json!({"name": format!("node {rank}")}))];
     for device in 0..devices {
         let report = runs.iter().find_map(|run| run.report.devices.get(device));
         let name = report.map_or(String::new(), |report| format!(": {} ({})", report.name, report.backend));
@@ -140,7 +189,7 @@ mod tests {
             run
         };
         let runs = [early(0, 1.0, 2.0), early(0, 2.1, 3.0), early(1, 3.1, 4.0)];
-        let events: Vec<Value> = events(&runs).collect();
+        let events: Vec<Value> = events(0, &runs).collect();
         let slices = |category: &str| {
             let of = events.iter().filter(|event| event["cat"] == category);
             of.map(|event| [&event["ts"], &event["dur"]].map(|us| us.as_f64().unwrap() / 1e6)).collect::<Vec<_>>()

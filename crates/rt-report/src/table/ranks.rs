@@ -6,7 +6,7 @@ use rt_cluster::{ClusterReport, RankReport};
 /// What each rank did over several deals.
 #[must_use]
 pub fn rank_table(deals: &[ClusterReport]) -> Table {
-    let mut table = Table::new(&["rank", "machine", "tiles", "busy", "dealt again", "lost"]);
+    let mut table = Table::new(&["rank", "machine", "memory", "tiles", "busy", "dealt again", "lost"]);
     let ranks = deals.iter().map(|deal| deal.ranks.len()).max().unwrap_or(0);
     for rank in 0..ranks {
         let all = || deals.iter().filter_map(|deal| deal.ranks.get(rank));
@@ -14,6 +14,7 @@ pub fn rank_table(deals: &[ClusterReport]) -> Table {
         table.row(vec![
             rank.to_string(),
             last.host.clone(),
+            last.memory_bytes.map_or_else(String::new, |bytes| format!("{} MB", bytes.div_ceil(1_000_000))),
             all().map(|rank| rank.tiles).sum::<u32>().to_string(),
             seconds(all().map(|rank| rank.busy_s).sum()),
             all().map(|rank| rank.dealt_again).sum::<u32>().to_string(),

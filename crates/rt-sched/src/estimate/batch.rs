@@ -53,7 +53,7 @@ impl<'a> Batch<'a> {
     pub(super) fn tasks(&self) -> impl Iterator<Item = (Task, &'a [u32], &'a [TestCounts])> + use<'a> {
         let Observation { mut rays, mut counts } = self.seen;
         self.stream.tasks.iter().map(move |task| {
-            let own = rays.iter().take_while(|&&ray| ray < task.range().end).count();
+            let own = rays.partition_point(|&ray| ray < task.range().end);
             let (own_rays, other_rays) = rays.split_at(own);
             let (own_counts, other_counts) = counts.split_at(own);
             (rays, counts) = (other_rays, other_counts);
@@ -84,11 +84,14 @@ impl<'a> Batch<'a> {
 
     /// Each task by its own samples.
     fn scaled_up(&self) -> Vec<Work> {
-        let pool = Pool::new(self.seen.counts);
+        let mut pool = None;
         let work = self.placed().map(|(task, own, sample)| {
             let work = scaled_up(sample, task.rays);
+            if sample.len() >= task.rays as usize {
+                return work.with_std_error(0.0);
+            }
+            let pool = pool.get_or_insert_with(|| Pool::new(self.seen.counts));
             match pool.variance(own, sample, RaySampler::Strided, BORROWED) {
-                _ if sample.len() >= task.rays as usize => work.with_std_error(0.0),
                 Some(variance) => work.with_std_error(std_error(variance, sample.len(), task.rays) as f32),
                 None => work,
             }

@@ -8,8 +8,9 @@
 //!
 //! Rays of an octant visit children in one order, whatever they have hit, and a ray's limit depends on what it visited
 //! before. So a packet that visits what any of its rays visits, in that order, with the set of those that do, visits
-//! for each of them what it would visit alone. The set is made when the parent is visited; where limits have come down
-//! since, it is made again. What bounds of the whole packet leave out (the module `frustum`) no ray of it enters.
+//! for each of them what it would visit alone. The set is made when the parent is visited, and so is where each ray
+//! enters the box; when the child's turn comes, those leave the set whose limits have come down below that. What bounds
+//! of the whole packet leave out (the module `frustum`) no ray of it enters.
 
 mod packet;
 mod single;
@@ -50,6 +51,7 @@ impl Kind for Closest {
 impl Kind for Any {
     const FULL: bool = true;
     const ANY: bool = true;
+    const SHORTENS: bool = false;
 }
 
 impl Kind for LeafAsHit {
@@ -75,6 +77,7 @@ pub(crate) struct CountBatch<'a> {
     /// An entry for each ray, or none.
     pub(crate) excluded: &'a [u32],
     pub(crate) counts: &'a mut [TestCounts],
+    /// Of full walks, one for each ray, or none.
     pub(crate) hits: &'a mut [Hit],
 }
 
@@ -102,27 +105,27 @@ pub(crate) fn run(found: Found, batch: CountBatch<'_>) {
 impl CountBatch<'_> {
     #[inline(always)]
     fn count<L: Level, K: Kind>(self, level: L) {
-        let Self { tree, frame, counter, walk, query, few, mut excluded, .. } = self;
-        let results = self.counts.chunks_mut(RAYS).zip(self.hits.chunks_mut(RAYS));
-        for (rays, (counts, hits)) in self.rays.chunks(RAYS).zip(results) {
+        let Self { tree, frame, counter, walk, query, few, mut excluded, mut hits, .. } = self;
+        for (rays, counts) in self.rays.chunks(RAYS).zip(self.counts.chunks_mut(RAYS)) {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
+            let hits = hits.split_off_mut(..rays.len().min(hits.len())).unwrap_or_default();
             let mut extreme = fill(level, frame, &mut counter.groups, rays, own);
             counter.count::<L, K>(level, tree, frame, rays, few);
-            let places = counts.chunks_mut(LANES).zip(hits.chunks_mut(LANES));
-            for ((group, tally), (counts, hits)) in counter.groups.iter().zip(&mut counter.tallies).zip(places) {
-                counts.copy_from_slice(&tally.take()[..counts.len()]);
-                if K::FULL {
-                    group.write(level, hits);
-                } else {
-                    hits.fill(Hit::MISS);
-                }
+            let tallies = counter.tallies.iter_mut().zip(counts.chunks_mut(LANES));
+            tallies.for_each(|(tally, counts)| tally.take(counts));
+            for (group, hits) in counter.groups.iter().zip(hits.chunks_mut(LANES)) {
+                group.write(level, hits);
             }
             while extreme != 0 {
                 let i = extreme.trailing_zeros() as usize;
                 extreme &= extreme - 1;
                 let excluded = own.get(i).copied().unwrap_or(u32::MAX);
-                (hits[i], counts[i]) = crate::alone::count(tree, frame, &rays[i], excluded, walk, query);
+                let (hit, count) = crate::alone::count(tree, frame, &rays[i], excluded, walk, query);
+                counts[i] = count;
+                if let Some(to) = hits.get_mut(i) {
+                    *to = hit;
+                }
             }
         }
     }

@@ -1,10 +1,10 @@
 //! Up to 64 rays that walk the tree together, each counted as if it walked alone.
 
-use super::slabs::{Planes, Slabs};
+use super::slabs::{Single, Slabs};
 use super::{Kind, single};
 use crate::frustum::Frustum;
-use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, Slots as _};
-use crate::packet::{GROUPS, fetch, in_octant, joined};
+use crate::lanes::{Floats as _, Floats8 as _, Floats16 as _, LANES, Lanes, Level, Sets as _, Slots as _};
+use crate::packet::{GROUPS, Planes, RAYS, fetch, in_octant, is_for_each, joined, ways};
 use crate::rays::{Frame, Group, Set};
 use crate::stack::Stack;
 use crate::triangles::{AXES, nearest};
@@ -16,9 +16,47 @@ use rt_core::{Ray, TestCounts};
 pub(crate) struct Counter {
     pub(crate) groups: [Group; GROUPS],
     pub(crate) tallies: [Tally; GROUPS],
-    pending: Vec<Pending>,
-    /// Of single rays.
     stack: Stack,
+    distances: Distances,
+}
+
+/// Where each ray of a packet enters a box.
+type Entries = [Lanes; GROUPS];
+
+/// Where rays enter the boxes of children that are left to visit: limits come down before those children's turn.
+#[derive(Clone, Debug)]
+struct Distances {
+    /// By place on the stack; beside them, how often limits had come down.
+    pending: Vec<(Entries, u32)>,
+    /// Of the node that is being visited, by child: of rays that were tested together.
+    here: [Entries; 8],
+    /// By ray and slot: of those that were tested one by one.
+    each: [[f32; 8]; RAYS],
+}
+
+/// A node's blocks, which reduced walks only count.
+#[derive(Clone, Copy)]
+struct Leaves {
+    /// Their slots, a bit each.
+    slots: u8,
+    /// How many triangles are in each.
+    triangles: [f32; 8],
+}
+
+impl Leaves {
+    const NONE: Self = Self { slots: 0, triangles: [0.0; 8] };
+
+    /// Takes a child if it is a block, and says whether it is.
+    #[inline(always)]
+    fn take(&mut self, slot: u32, child: u32) -> bool {
+        let triangles = match BlockChild::of(child) {
+            BlockChild::Block { count, .. } => count,
+            _ => 0,
+        };
+        self.slots |= u8::from(triangles > 0) << (slot & 7);
+        self.triangles[slot as usize & 7] = triangles as f32;
+        triangles > 0
+    }
 }
 
 /// What the rays of a group have cost.
@@ -36,21 +74,6 @@ pub(crate) struct Tally {
 /// tests, and single precision holds every number up to 2²⁴.
 const MOVE_AFTER: u32 = 1 << 19;
 
-/// A child that is left to visit.
-#[derive(Clone, Copy, Debug)]
-struct Pending {
-    /// Least distance at which rays enter its box.
-    entry: f32,
-    child: u32,
-    /// Those that enter it.
-    rays: u64,
-    /// Its parent, and in which slot of it its box is.
-    parent: u32,
-    slot: u32,
-    /// How often limits had come down when that was found.
-    version: u32,
-}
-
 impl Tally {
     const ZERO: Self =
         Self { nodes: Lanes::ZERO, triangles: Lanes::ZERO, more: [TestCounts { boxes: 0, triangles: 0 }; LANES] };
@@ -63,11 +86,11 @@ impl Tally {
         (self.nodes, self.triangles) = (Lanes::ZERO, Lanes::ZERO);
     }
 
-    /// What each ray has cost; forgets it.
-    #[inline(always)]
-    pub(crate) fn take(&mut self) -> [TestCounts; LANES] {
+    /// Tells what each ray has cost, of as many as there is room for; forgets it.
+    pub(crate) fn take(&mut self, counts: &mut [TestCounts]) {
         self.settle();
-        core::mem::replace(&mut self.more, Self::ZERO.more)
+        counts.copy_from_slice(&self.more[..counts.len()]);
+        self.more = Self::ZERO.more;
     }
 
     fn add(&mut self, lane: usize, counts: TestCounts) {
@@ -88,8 +111,12 @@ impl Counter {
         Self {
             groups: [const { Group::EMPTY }; GROUPS],
             tallies: [const { Tally::ZERO }; GROUPS],
-            pending: Vec::new(),
             stack: Stack::new(),
+            distances: Distances {
+                pending: vec![([Lanes::ZERO; GROUPS], 0); Stack::PLACES],
+                here: [[Lanes::ZERO; GROUPS]; 8],
+                each: [[0.0; 8]; RAYS],
+            },
         }
     }
 
@@ -104,16 +131,16 @@ impl Counter {
         rays: &[Ray],
         few: u32,
     ) {
-        let Self { groups, tallies, pending, stack } = self;
+        let Self { groups, tallies, stack, distances } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
         for octant in 0..8 {
             let open = in_octant(groups, octant);
             if open != [0; GROUPS] {
                 let frustum = Frustum::around(level, groups, &open, octant);
-                let visits = 0;
+                let (version, visits) = (0, 0);
                 let mut walk =
-                    Walk { tree, frame, rays, few, groups, tallies, open, octant, frustum, version: 0, visits };
-                walk.run::<L, K>(level, pending, stack);
+                    Walk { tree, frame, rays, few, groups, tallies, distances, open, octant, frustum, version, visits };
+                walk.run::<L, K>(level, stack);
             }
         }
     }
@@ -128,6 +155,7 @@ struct Walk<'a> {
     few: u32,
     groups: &'a mut [Group],
     tallies: &'a mut [Tally],
+    distances: &'a mut Distances,
     /// Rays that go on, by group.
     open: [Set; GROUPS],
     octant: usize,
@@ -140,26 +168,26 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     #[inline(always)]
-    fn run<L: Level, K: Kind>(&mut self, level: L, pending: &mut Vec<Pending>, stack: &mut Stack) {
-        pending.clear();
-        let (entry, rays) = (self.frustum.begin(), joined(&self.open));
-        pending.push(Pending { entry, child: 0, rays, parent: 0, slot: 0, version: 0 });
-        while let Some(next) = pending.pop() {
-            if next.entry > self.frustum.limit {
+    fn run<L: Level, K: Kind>(&mut self, level: L, stack: &mut Stack) {
+        stack.cut(0);
+        stack.push(self.frustum.begin(), 0, joined(&self.open));
+        self.distances.pending[0].1 = self.version;
+        while stack.len() > 0 {
+            let (entry, child, mut rays) = stack.pop();
+            if entry > self.frustum.limit {
                 continue;
             }
-            let mut rays = next.rays;
             if K::ANY {
                 rays &= joined(&self.open);
-            } else if K::SHORTENS && next.version != self.version {
-                rays = self.still(level, &next);
+            } else if K::SHORTENS {
+                rays = self.still(level, rays, stack.len());
             }
             if rays.count_ones() <= self.few {
-                self.alone::<L, K>(level, stack, next.child, rays);
+                self.alone::<L, K>(level, stack, child, rays);
                 continue;
             }
-            match BlockChild::of(next.child) {
-                BlockChild::Node(index) => self.node::<L, K>(level, index, rays, pending),
+            match BlockChild::of(child) {
+                BlockChild::Node(index) => self.node::<L, K>(level, index, rays, stack),
                 BlockChild::Block { index, count } => {
                     self.block::<L, K>(level, &self.tree.blocks()[index as usize], count, rays);
                 }
@@ -168,15 +196,18 @@ impl Walk<'_> {
         }
     }
 
-    /// The rays that enter a child's box before their limits of now.
+    /// Those of the rays that enter the box of the child at a place of the stack before their limits of now.
     #[inline(always)]
-    fn still<L: Level>(&self, level: L, next: &Pending) -> u64 {
-        let planes = Planes::of(&self.tree.nodes()[next.parent as usize], self.octant);
+    fn still<L: Level>(&self, level: L, rays: u64, place: usize) -> u64 {
+        let (entries, version) = &self.distances.pending[place];
+        if *version == self.version {
+            return rays;
+        }
         let mut still = 0;
-        for (i, group) in self.groups.iter().enumerate() {
-            let some = (next.rays >> (LANES * i)) as Set;
+        for (i, (group, entries)) in self.groups.iter().zip(entries).enumerate() {
+            let some = (rays >> (LANES * i)) as Set;
             if some != 0 {
-                let (_, entered) = Slabs::of(level, group, self.octant).enter(level, &planes, next.slot as usize);
+                let entered = level.load(entries).not_above(level.load(&group.limit));
                 still |= u64::from(some & entered) << (LANES * i);
             }
         }
@@ -189,9 +220,9 @@ impl Walk<'_> {
         self.frustum.shorten(level, self.groups, &self.open);
     }
 
-    /// Visits a node: puts on the stack which children which rays enter.
+    /// Visits a node: puts on the stack which children which rays enter. Of a reduced walk that is nodes alone.
     #[inline(always)]
-    fn node<L: Level, K: Kind>(&mut self, level: L, index: u32, rays: u64, pending: &mut Vec<Pending>) {
+    fn node<L: Level, K: Kind>(&mut self, level: L, index: u32, rays: u64, stack: &mut Stack) {
         let node: &BlockNode = &self.tree.nodes()[index as usize];
         let (near, slots, count) = if K::ANY {
             self.frustum.enter::<L, true>(level, node)
@@ -201,57 +232,57 @@ impl Walk<'_> {
         let (mut entries, mut numbers) = ([0.0; 8], [0; 8]);
         near.store(&mut entries);
         slots.store(&mut numbers);
-        let mut entered = [0; 8];
-        let planes = Planes::of(node, self.octant);
+        let child = |slot: u32| node.children()[slot as usize & 7];
+        let (mut leaves, mut inner) = (Leaves::NONE, count);
+        if !K::FULL {
+            // The others close up.
+            inner = 0;
+            for j in 0..count {
+                let (entry, slot) = (entries[j & 7], numbers[j & 7]);
+                (entries[inner & 7], numbers[inner & 7]) = (entry, slot);
+                inner += usize::from(!leaves.take(slot, child(slot)));
+            }
+        }
+        let planes = ways(node.planes(), self.octant);
+        let (mut together, mut by_slot) = ([0; 8], level.no_rays());
         let mut shorter = false;
-        for (i, (group, tally)) in self.groups.iter_mut().zip(&mut *self.tallies).enumerate() {
+        for i in 0..self.groups.len() {
             let some = (rays >> (LANES * i)) as Set;
             if some == 0 {
                 continue;
             }
-            add(level, &mut tally.nodes, some, 1.0);
-            let mut slabs = Slabs::of(level, group, self.octant);
-            if !K::FULL {
-                let mut limit = slabs.limit;
-                for &slot in numbers.iter().take(count) {
-                    if let BlockChild::Block { count, .. } = BlockChild::of(node.children()[slot as usize & 7]) {
-                        let (near, all) = slabs.enter(level, &planes, slot as usize);
-                        let these = some & all;
-                        if these != 0 {
-                            add(level, &mut tally.triangles, these, count as f32);
-                            limit = limit.lesser(near.or_else(these, limit));
-                            shorter = true;
-                        }
-                    }
-                }
-                if K::SHORTENS {
-                    limit.store(&mut group.limit);
-                    slabs.limit = limit;
-                }
-            }
-            for (&slot, entered) in numbers.iter().zip(&mut entered).take(count) {
-                if K::FULL || matches!(BlockChild::of(node.children()[slot as usize & 7]), BlockChild::Node(_)) {
-                    let (_, all) = slabs.enter(level, &planes, slot as usize);
-                    *entered |= u64::from(some & all) << (LANES * i);
-                }
-            }
+            add(level, &mut self.tallies[i].nodes, some, 1.0);
+            shorter |= if is_for_each(some, count) {
+                self.enter_each::<L, K>(level, i, planes, &leaves, some, &mut by_slot)
+            } else {
+                self.enter_together::<L, K>(level, i, planes, &leaves, (&numbers, inner), some, &mut together)
+            };
         }
-        if K::SHORTENS && shorter {
+        if shorter {
             self.shorter(level);
         }
-        for j in 0..count {
-            let (rays, slot) = (entered[j & 7], numbers[j & 7]);
+        let mut each = [0; 8];
+        by_slot.store(&mut each);
+        for j in 0..inner {
+            let (slot, child) = (numbers[j & 7] as usize & 7, child(numbers[j & 7]));
+            let rays = together[j & 7] | each[slot];
             if rays != 0 {
-                let child = node.children()[slot as usize & 7];
                 fetch(level, self.tree, child);
-                pending.push(Pending {
-                    entry: entries[j & 7],
-                    child,
-                    rays,
-                    parent: index,
-                    slot,
-                    version: self.version,
-                });
+                if K::SHORTENS {
+                    let Distances { pending, here, each: rows } = &mut *self.distances;
+                    let (entries, version) = &mut pending[stack.len()];
+                    *version = self.version;
+                    if together[j & 7] != 0 {
+                        *entries = here[j & 7];
+                    }
+                    let mut rest = each[slot];
+                    while rest != 0 {
+                        let ray = rest.trailing_zeros() as usize % RAYS;
+                        rest &= rest - 1;
+                        entries[ray / LANES].0[ray % LANES] = rows[ray][slot];
+                    }
+                }
+                stack.push(entries[j & 7], child, rays);
             }
         }
         self.visits += 1;
@@ -259,6 +290,102 @@ impl Walk<'_> {
             self.visits = 0;
             self.tallies.iter_mut().for_each(Tally::settle);
         }
+    }
+
+    /// Tests rays of a group with a node's children, one child after the other. Those of the list go to `entered`; of
+    /// blocks that are only counted the limits come down, which it says.
+    #[expect(clippy::too_many_arguments, reason = "all in registers")]
+    #[inline(always)]
+    fn enter_together<L: Level, K: Kind>(
+        &mut self,
+        level: L,
+        i: usize,
+        planes: Planes<'_>,
+        leaves: &Leaves,
+        (slots, children): (&[u32; 8], usize),
+        rays: Set,
+        entered: &mut [u64; 8],
+    ) -> bool {
+        let (group, tally) = (&mut self.groups[i], &mut self.tallies[i]);
+        let mut slabs = Slabs::of(level, group, self.octant);
+        let mut shorter = 0;
+        if leaves.slots != 0 {
+            let (mut limit, mut triangles) = (slabs.limit, level.load(&tally.triangles));
+            let mut blocks = leaves.slots;
+            while blocks != 0 {
+                let slot = blocks.trailing_zeros() as usize % 8;
+                blocks &= blocks - 1;
+                let number = leaves.triangles[slot];
+                let (near, all) = slabs.enter(level, planes, slot);
+                let these = rays & all;
+                triangles = triangles + level.splat(number).or_else(these, level.splat(0.0));
+                if K::SHORTENS {
+                    limit = limit.lesser(near.or_else(these, limit));
+                    shorter |= these;
+                }
+            }
+            triangles.store(&mut tally.triangles);
+            if K::SHORTENS {
+                limit.store(&mut group.limit);
+                slabs.limit = limit;
+            }
+        }
+        let children = slots.iter().zip(entered).zip(&mut self.distances.here).take(children);
+        for ((&slot, entered), here) in children {
+            let (near, all) = slabs.enter(level, planes, slot as usize);
+            *entered |= u64::from(rays & all) << (LANES * i);
+            if K::SHORTENS {
+                near.store(&mut here[i % GROUPS]);
+            }
+        }
+        shorter != 0
+    }
+
+    /// The same, one ray after the other, for all slots.
+    #[inline(always)]
+    fn enter_each<L: Level, K: Kind>(
+        &mut self,
+        level: L,
+        i: usize,
+        planes: Planes<'_>,
+        leaves: &Leaves,
+        rays: Set,
+        entered: &mut L::Sets,
+    ) -> bool {
+        let (group, tally) = (&mut self.groups[i], &mut self.tallies[i]);
+        let mut shorter = false;
+        let mut rest = rays;
+        while rest != 0 {
+            let lane = rest.trailing_zeros() as usize % LANES;
+            rest &= rest - 1;
+            let ray = Single::of(group, lane, self.octant);
+            let (near, far) = ray.distances(level, planes);
+            let mut slots = near.not_above(far);
+            let row = &mut self.distances.each[(LANES * i + lane) % RAYS];
+            if K::SHORTENS {
+                near.store(row);
+            }
+            let mut blocks = slots & leaves.slots;
+            if blocks != 0 {
+                let (mut limit, mut triangles) = (ray.limit, 0.0);
+                while blocks != 0 {
+                    let slot = blocks.trailing_zeros() as usize % 8;
+                    blocks &= blocks - 1;
+                    triangles += leaves.triangles[slot];
+                    if K::SHORTENS && row[slot] < limit {
+                        limit = row[slot];
+                    }
+                }
+                tally.triangles.0[lane] += triangles;
+                if K::SHORTENS {
+                    group.limit.0[lane] = limit;
+                    slots &= near.not_above(level.splat8(limit));
+                    shorter = true;
+                }
+            }
+            *entered = entered.with(slots, 1 << (LANES * i + lane));
+        }
+        shorter
     }
 
     /// Visits a block.
@@ -306,7 +433,7 @@ impl Walk<'_> {
                 self.open[i] &= !group.found;
             }
         }
-        if K::SHORTENS && !K::ANY && rays != 0 {
+        if K::SHORTENS && rays != 0 {
             self.version = self.version.wrapping_add(1);
         }
     }
@@ -327,9 +454,11 @@ mod tests {
             tally.triangles.0[2] = (32 * MOVE_AFTER - 1) as f32;
             tally.settle();
         }
-        let counts = tally.take();
+        let mut counts = [TestCounts::default(); LANES];
+        tally.take(&mut counts);
         let expected = TestCounts { boxes: 24 * MOVE_AFTER + 8, triangles: 3 * (32 * MOVE_AFTER - 1) + 1 };
         assert_eq!((counts[2], counts[1]), (expected, TestCounts::default()));
-        assert_eq!(tally.take()[2], TestCounts::default());
+        tally.take(&mut counts[..3]);
+        assert_eq!(counts[2], TestCounts::default());
     }
 }

@@ -1,31 +1,20 @@
 //! Box tests that give the same bits with any instructions.
+//!
+//! Written out axis by axis: a closure is compiled without the instructions of the function around it.
 
 use crate::lanes::{Floats as _, Floats8 as _, Floats16, Level, Slots as _};
 use crate::order::order;
+use crate::packet::{Planes, ways};
 use crate::rays::{Group, Set};
 use crate::stack::Stack;
 use rt_bvh::BlockNode;
 
-/// By axis, the planes of a node's boxes through which rays of an octant enter, and those through which they leave.
-pub(super) struct Planes<'n>([[&'n [f32; 8]; 2]; 3]);
-
-impl<'n> Planes<'n> {
-    #[inline(always)]
-    pub(super) fn of(node: &'n BlockNode, octant: usize) -> Self {
-        let [x, y, z] = node.planes();
-        let pair = |axis: usize, planes: &'n [[f32; 8]; 2]| {
-            let enter = octant >> axis & 1;
-            [&planes[enter], &planes[enter ^ 1]]
-        };
-        Self([pair(0, x), pair(1, y), pair(2, z)])
-    }
-}
-
 /// What box tests know of the rays of a group that are in one octant.
 pub(super) struct Slabs<F> {
     reciprocal: [F; 3],
-    /// Padded origins, for the planes through which the rays enter, and leave.
-    origin: [[F; 3]; 2],
+    /// Padded origins, as the planes see them through which the rays enter, and leave.
+    enter: [F; 3],
+    leave: [F; 3],
     begin: F,
     pub(super) limit: F,
 }
@@ -33,15 +22,12 @@ pub(super) struct Slabs<F> {
 impl<F: Floats16> Slabs<F> {
     #[inline(always)]
     pub(super) fn of<L: Level<F16 = F>>(level: L, group: &Group, octant: usize) -> Self {
-        // Lower planes see an origin that was moved up, upper ones one that was moved down.
-        let origin = |axis: usize, leave: usize| {
-            let (origin, pad) = (level.load(&group.origin[axis]), level.load(&group.pad[axis]));
-            if (octant >> axis ^ leave) & 1 == 0 { origin + pad } else { origin - pad }
-        };
-        let reciprocal = |axis: usize| level.load(&group.reciprocal[axis]);
+        let [x, y, z] = ways(&group.padded, octant);
+        let [i, j, k] = &group.reciprocal;
         Self {
-            reciprocal: [reciprocal(0), reciprocal(1), reciprocal(2)],
-            origin: [0, 1].map(|leave| [origin(0, leave), origin(1, leave), origin(2, leave)]),
+            reciprocal: [level.load(i), level.load(j), level.load(k)],
+            enter: [level.load(x[0]), level.load(y[0]), level.load(z[0])],
+            leave: [level.load(x[1]), level.load(y[1]), level.load(z[1])],
             begin: level.load(&group.begin),
             limit: level.load(&group.limit),
         }
@@ -49,13 +35,13 @@ impl<F: Floats16> Slabs<F> {
 
     /// Where the rays enter the box in a slot, and which of them do.
     #[inline(always)]
-    pub(super) fn enter<L: Level<F16 = F>>(&self, level: L, planes: &Planes<'_>, slot: usize) -> (F, Set) {
+    pub(super) fn enter<L: Level<F16 = F>>(&self, level: L, [x, y, z]: Planes<'_>, slot: usize) -> (F, Set) {
         let slot = slot & 7;
-        let distance = |axis: usize, leave: usize| {
-            (level.splat(planes.0[axis][leave][slot]) - self.origin[leave][axis]) * self.reciprocal[axis]
-        };
-        let near = distance(0, 0).greater(distance(1, 0)).greater(distance(2, 0).greater(self.begin));
-        let far = distance(0, 1).lesser(distance(1, 1)).lesser(distance(2, 1).lesser(self.limit));
+        let Self { reciprocal: r, enter, leave, begin, limit } = self;
+        let near = ((level.splat(x[0][slot]) - enter[0]) * r[0]).greater((level.splat(y[0][slot]) - enter[1]) * r[1]);
+        let near = near.greater(((level.splat(z[0][slot]) - enter[2]) * r[2]).greater(*begin));
+        let far = ((level.splat(x[1][slot]) - leave[0]) * r[0]).lesser((level.splat(y[1][slot]) - leave[1]) * r[1]);
+        let far = far.lesser(((level.splat(z[1][slot]) - leave[2]) * r[2]).lesser(*limit));
         (near, near.not_above(far))
     }
 }
@@ -63,7 +49,8 @@ impl<F: Floats16> Slabs<F> {
 /// The same of one ray, with eight boxes at a time.
 pub(super) struct Single {
     octant: usize,
-    origin: [[f32; 2]; 3],
+    enter: [f32; 3],
+    leave: [f32; 3],
     reciprocal: [f32; 3],
     pub(super) begin: f32,
     pub(super) limit: f32,
@@ -72,29 +59,37 @@ pub(super) struct Single {
 impl Single {
     #[inline(always)]
     pub(super) fn of(group: &Group, lane: usize, octant: usize) -> Self {
-        let origin = |axis: usize, leave: usize| {
-            let (origin, pad) = (group.origin[axis].0[lane], group.pad[axis].0[lane]);
-            if (octant >> axis ^ leave) & 1 == 0 { origin + pad } else { origin - pad }
-        };
+        let [x, y, z] = ways(&group.padded, octant);
+        let [i, j, k] = &group.reciprocal;
         Self {
             octant,
-            origin: [0, 1, 2].map(|axis| [origin(axis, 0), origin(axis, 1)]),
-            reciprocal: [0, 1, 2].map(|axis| group.reciprocal[axis].0[lane]),
+            enter: [x[0].0[lane], y[0].0[lane], z[0].0[lane]],
+            leave: [x[1].0[lane], y[1].0[lane], z[1].0[lane]],
+            reciprocal: [i.0[lane], j.0[lane], k.0[lane]],
             begin: group.begin.0[lane],
             limit: group.limit.0[lane],
         }
     }
 
+    /// Where the ray enters and leaves a node's boxes: those that it enters are those where the first is not above the
+    /// second.
+    #[inline(always)]
+    pub(super) fn distances<L: Level>(&self, level: L, [x, y, z]: Planes<'_>) -> (L::F8, L::F8) {
+        let Self { enter, leave, reciprocal: [i, j, k], .. } = self;
+        let (i, j, k) = (level.splat8(*i), level.splat8(*j), level.splat8(*k));
+        let near = ((level.load8(x[0]) - level.splat8(enter[0])) * i)
+            .greater((level.load8(y[0]) - level.splat8(enter[1])) * j);
+        let near = near.greater(((level.load8(z[0]) - level.splat8(enter[2])) * k).greater(level.splat8(self.begin)));
+        let far =
+            ((level.load8(x[1]) - level.splat8(leave[0])) * i).lesser((level.load8(y[1]) - level.splat8(leave[1])) * j);
+        let far = far.lesser(((level.load8(z[1]) - level.splat8(leave[2])) * k).lesser(level.splat8(self.limit)));
+        (near, far)
+    }
+
     /// Puts the children that the ray enters on the stack, the first to visit uppermost, and says how many.
     #[inline(always)]
     pub(super) fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) -> usize {
-        let planes = Planes::of(node, self.octant);
-        let distance = |axis: usize, leave: usize| {
-            let way = level.load8(planes.0[axis][leave]) - level.splat8(self.origin[axis][leave]);
-            way * level.splat8(self.reciprocal[axis])
-        };
-        let near = distance(0, 0).greater(distance(1, 0)).greater(distance(2, 0).greater(level.splat8(self.begin)));
-        let far = distance(0, 1).lesser(distance(1, 1)).lesser(distance(2, 1).lesser(level.splat8(self.limit)));
+        let (near, far) = self.distances(level, ways(node.planes(), self.octant));
         let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         let (entries, children) = stack.room();
         near.pick(slots).store(entries);

@@ -65,8 +65,8 @@ impl Reference<'_> {
         let (mut near, mut far) = (self.group.begin.0[0], self.limit);
         for axis in 0..3 {
             let mut planes = [bounds.min[axis], bounds.max[axis]];
-            let (origin, pad) = (self.group.origin[axis].0[0], self.group.pad[axis].0[0]);
-            let mut origins = [origin + pad, origin - pad];
+            let [lower, upper] = &self.group.padded[axis];
+            let mut origins = [lower.0[0], upper.0[0]];
             if self.octant >> axis & 1 == 1 {
                 planes.reverse();
                 origins.reverse();

@@ -2,7 +2,7 @@
 #![expect(unsafe_code, reason = "intrinsics are unsafe where the compiler does not know that the processor has them")]
 
 use super::avx2::Avx2;
-use super::{Choice, Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Part, Slots, WideLanes};
+use super::{Choice, Doubles8, Floats, Floats8, Floats16, LANES, LINE, Lanes, Level, Part, Sets, Slots, WideLanes};
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Sub};
 
@@ -21,6 +21,8 @@ pub(crate) struct D8(__m512d);
 pub(crate) struct Slots8(__m256i);
 #[derive(Clone, Copy)]
 pub(crate) struct Chosen(__m512i);
+#[derive(Clone, Copy)]
+pub(crate) struct Sets8(__m512i);
 
 /// The first eight members of a set.
 #[derive(Clone, Copy)]
@@ -57,6 +59,7 @@ impl Level for Avx512 {
     type D8 = D8;
     type Part = Eight;
     type Choice = Chosen;
+    type Sets = Sets8;
 
     const FEW_ALIKE: u32 = 8;
 
@@ -111,6 +114,11 @@ impl Level for Avx512 {
             let choice = _mm512_mask_set1_epi64(choice, third, 2);
             Chosen(_mm512_mask_set1_epi64(choice, fourth, 3))
         }
+    }
+
+    #[inline(always)]
+    fn no_rays(self) -> Sets8 {
+        Sets8(avx512!(_mm512_setzero_si512()))
     }
 
     #[inline(always)]
@@ -470,6 +478,18 @@ impl Slots for Slots8 {
             let picked = _mm256_permutexvar_epi32(self.0, _mm256_loadu_si256(words.as_ptr().cast()));
             _mm256_storeu_si256(to.as_mut_ptr().cast(), picked);
         }
+    }
+}
+
+impl Sets for Sets8 {
+    #[inline(always)]
+    fn with(self, slots: u8, rays: u64) -> Self {
+        Self(avx512!(_mm512_mask_or_epi64(self.0, slots, self.0, _mm512_set1_epi64(rays as i64))))
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [u64; 8]) {
+        avx512!(_mm512_storeu_si512(to.as_mut_ptr().cast(), self.0));
     }
 }
 

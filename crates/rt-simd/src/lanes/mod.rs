@@ -78,6 +78,8 @@ pub(crate) trait Level: Copy {
     type Part: Part<Narrow = Self::F8, Wide = Self::D8>;
     /// For each of eight lanes, one of four numbers.
     type Choice: Choice<Narrow = Self::F8, Wide = Self::D8>;
+    /// For each slot of a node, a set of rays.
+    type Sets: Sets;
 
     /// Most lanes that choose alike for which [`Level::part`] and [`Level::choice`] pay: more are looked at in halves.
     const FEW_ALIKE: u32;
@@ -99,6 +101,9 @@ pub(crate) trait Level: Copy {
 
     /// For each lane the one of four sets that has it; any for lanes in none.
     fn choice(self, sets: [u8; 4]) -> Self::Choice;
+
+    /// Empty sets.
+    fn no_rays(self) -> Self::Sets;
 
     /// Asks for bytes to be brought into the cache, where the processor can be asked.
     fn fetch(self, bytes: &[u8]);
@@ -286,6 +291,13 @@ pub(crate) trait Slots: Copy {
     fn store(self, to: &mut [u32; 8]);
     /// The words of these slots; behind them, anything.
     fn pick(self, words: &[u32; 8], to: &mut [u32; 8]);
+}
+
+/// For each slot of a node, a set of the rays of a packet, a bit each.
+pub(crate) trait Sets: Copy {
+    /// The same with some rays in some slots, of which there is a bit for each.
+    fn with(self, slots: u8, rays: u64) -> Self;
+    fn store(self, to: &mut [u64; 8]);
 }
 
 pub(crate) trait Doubles8: Floats<Set = u8> {

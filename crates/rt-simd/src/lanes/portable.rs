@@ -2,7 +2,7 @@
 //!
 //! Loops over lanes become the words of the target: SSE2 on x86-64, NEON on 64-bit ARM.
 
-use super::{Alike, Doubles8, Floats, Floats8, Floats16, Half, LANES, Lanes, Level, Slots};
+use super::{Alike, Doubles8, Floats, Floats8, Floats16, Half, LANES, Lanes, Level, Sets, Slots};
 use core::array::from_fn;
 use core::ops::{Add, Div, Mul, Sub};
 
@@ -28,6 +28,7 @@ impl Level for Portable {
     type D8 = D8;
     type Part = Half<Self>;
     type Choice = Alike<Self>;
+    type Sets = [u64; 8];
 
     const FEW_ALIKE: u32 = 0;
 
@@ -74,6 +75,11 @@ impl Level for Portable {
     #[inline(always)]
     fn choice(self, [_, second, third, fourth]: [u8; 4]) -> Alike<Self> {
         Alike { level: self, choice: usize::from(second | fourth != 0) + 2 * usize::from(third | fourth != 0) }
+    }
+
+    #[inline(always)]
+    fn no_rays(self) -> [u64; 8] {
+        [0; 8]
     }
 
     #[inline(always)]
@@ -276,6 +282,18 @@ impl Slots for [u32; 8] {
     #[inline(always)]
     fn pick(self, words: &[u32; 8], to: &mut [u32; 8]) {
         *to = self.map(|slot| words[slot as usize & 7]);
+    }
+}
+
+impl Sets for [u64; 8] {
+    #[inline(always)]
+    fn with(self, slots: u8, rays: u64) -> Self {
+        from_fn(|slot| self[slot] | rays & u64::from(slots >> slot & 1).wrapping_neg())
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [u64; 8]) {
+        *to = self;
     }
 }
 

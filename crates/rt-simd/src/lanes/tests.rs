@@ -26,6 +26,7 @@ fn check<L: Level>(level: L) {
             wide(level, a.half(half).map(f64::from), b.half(half).map(f64::from), seed as u8);
         }
         columns_and_rows(level, seed);
+        sets(level, seed);
         parts(level, a, seed);
     }
 }
@@ -255,6 +256,18 @@ fn columns_and_rows<L: Level>(level: L, seed: u32) {
     for (row, numbers) in rows.into_iter().enumerate() {
         assert_eq!(numbers.map(f32::to_bits), core::array::from_fn(|column| word(row, column).to_bits()), "{row}");
     }
+}
+
+fn sets<L: Level>(level: L, seed: u32) {
+    let (mut sets, mut want) = (level.no_rays(), [0; 8]);
+    for i in 0..4 {
+        let (slots, ray) = (random::below(256, seed, i, 6) as u8, random::below(64, seed, i, 7));
+        sets = sets.with(slots, 1 << ray);
+        (0..8).for_each(|slot| want[slot] |= u64::from(slots >> slot & 1) << ray);
+    }
+    let mut got = [u64::MAX; 8];
+    sets.store(&mut got);
+    assert_eq!(got, want);
 }
 
 // Fails when two lanes of any operation are exchanged, or an operation rounds otherwise.

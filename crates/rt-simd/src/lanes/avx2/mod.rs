@@ -19,6 +19,8 @@ pub(crate) struct D8([__m256d; 2]);
 pub(crate) struct Slots8(__m256i);
 #[derive(Clone, Copy)]
 pub(crate) struct Chosen(__m256i);
+#[derive(Clone, Copy)]
+pub(crate) struct Sets8([__m256i; 2]);
 
 impl Avx2 {
     /// The proof, if it can be had.
@@ -55,6 +57,7 @@ impl Level for Avx2 {
     type D8 = D8;
     type Part = Half<Self>;
     type Choice = Chosen;
+    type Sets = Sets8;
 
     const FEW_ALIKE: u32 = 8;
 
@@ -112,6 +115,11 @@ impl Level for Avx2 {
             let upper = _mm256_slli_epi32::<1>(_mm256_srli_epi32::<31>(_mm256_castps_si256(upper)));
             Chosen(_mm256_or_si256(lower, upper))
         }
+    }
+
+    #[inline(always)]
+    fn no_rays(self) -> Sets8 {
+        Sets8(avx2!([_mm256_setzero_si256(); 2]))
     }
 
     #[inline(always)]

@@ -1,8 +1,8 @@
 //! What is each word's own: parts, orders of lanes, other widths.
 
-use super::super::{Doubles8, Floats8, Floats16, LANES, Lanes, Slots};
+use super::super::{Doubles8, Floats8, Floats16, LANES, Lanes, Sets, Slots};
 use super::arithmetic::{less_equal, set8};
-use super::{D8, F8, F16, Slots8, transposed};
+use super::{D8, F8, F16, Sets8, Slots8, transposed};
 use core::arch::x86_64::*;
 
 impl Floats16 for F16 {
@@ -197,6 +197,32 @@ impl Slots for Slots8 {
         avx2! {
             let picked = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(words.as_ptr().cast()), self.0);
             _mm256_storeu_si256(to.as_mut_ptr().cast(), picked);
+        }
+    }
+}
+
+impl Sets for Sets8 {
+    #[inline(always)]
+    fn with(self, slots: u8, rays: u64) -> Self {
+        let [lower, upper] = self.0;
+        avx2! {
+            let (slots, rays) = (_mm256_set1_epi64x(slots.into()), _mm256_set1_epi64x(rays as i64));
+            let (first, last) = (_mm256_setr_epi64x(1, 2, 4, 8), _mm256_setr_epi64x(16, 32, 64, 128));
+            let first = _mm256_cmpeq_epi64(_mm256_and_si256(slots, first), first);
+            let last = _mm256_cmpeq_epi64(_mm256_and_si256(slots, last), last);
+            Self([
+                _mm256_or_si256(lower, _mm256_and_si256(first, rays)),
+                _mm256_or_si256(upper, _mm256_and_si256(last, rays)),
+            ])
+        }
+    }
+
+    #[inline(always)]
+    fn store(self, to: &mut [u64; 8]) {
+        let (halves, _) = to.as_chunks_mut::<4>();
+        avx2! {
+            _mm256_storeu_si256(halves[0].as_mut_ptr().cast(), self.0[0]);
+            _mm256_storeu_si256(halves[1].as_mut_ptr().cast(), self.0[1]);
         }
     }
 }
