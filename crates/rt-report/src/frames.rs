@@ -132,19 +132,19 @@ pub(crate) fn seconds_before(picture: &Path, fingerprint: u64) -> Option<f64> {
 
 /// A frame that was rendered, and how long that took.
 #[derive(Clone, Copy, Debug)]
-pub struct Rendered<'a> {
+pub(crate) struct Rendered<'a> {
     /// Its number.
-    pub frame: u32,
+    pub(crate) frame: u32,
     /// Samples of each pixel.
-    pub samples: u32,
+    pub(crate) samples: u32,
     /// Of everything that decides what the picture is.
-    pub fingerprint: u64,
+    pub(crate) fingerprint: u64,
     /// Wall seconds that it took.
-    pub seconds: f64,
-    /// Those of the run before ([`crate::pictures::Pictures::seconds_before`]).
-    pub seconds_before: Option<f64>,
+    pub(crate) seconds: f64,
+    /// Those of the run before.
+    pub(crate) seconds_before: Option<f64>,
     /// Where it comes from.
-    pub provenance: &'a Provenance,
+    pub(crate) provenance: &'a Provenance,
 }
 
 /// Notes that a picture is whole.
