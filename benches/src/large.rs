@@ -1,11 +1,27 @@
 //! Large scenes, made rather than loaded: copies of the built-in ones on a terrain, the same for the same number.
 
 use glam::{Mat3, Vec3};
+use rt_bvh::InvalidTriangles;
 use rt_core::random;
+use rt_scene::prepare::load;
+use rt_scene::progress::unwatched;
 use rt_scene::{Model, builtin};
+use std::error::Error;
+use std::path::Path;
 
 /// Vertices along a side of the terrain.
 const SIDE: u32 = 512;
+
+/// The scene of that name: built-in, a file, or `large:` and a number of triangles.
+///
+/// # Errors
+/// When there is none, or the file cannot be loaded.
+pub fn open(name: &str) -> Result<Model, Box<dyn Error>> {
+    match name.strip_prefix("large:") {
+        Some(triangles) => Ok(large(triangles.parse()?)),
+        None => Ok(load(Path::new(name), InvalidTriangles::Refuse, &mut unwatched)?.model),
+    }
+}
 
 /// A scene of exactly `triangles` triangles: a terrain of half a million, and copies of the car and the yard, turned,
 /// of several sizes and closer together than they are large here and there.

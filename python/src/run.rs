@@ -48,6 +48,7 @@ impl Run {
             queue,
             policy,
             streams: vec![of_stream.clone()],
+            updates: Vec::new(),
             cluster: Vec::new(),
             headline: Headline::of(std::slice::from_ref(&run)),
             seconds: Seconds {

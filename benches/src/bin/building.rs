@@ -11,16 +11,12 @@ use clap::Parser;
 use embree4_sys::{RTCBuildQuality, RTCSceneFlags};
 use rt_balance::stats::median;
 use rt_benches::{large, options};
-use rt_bvh::{BuildOptions, Builder, InvalidTriangles, Mesh, TreeStats, build};
+use rt_bvh::{BuildOptions, Builder, Mesh, TreeStats, build};
 use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::print::{Stdout, note};
-use rt_scene::Model;
-use rt_scene::prepare::load;
-use rt_scene::progress::unwatched;
 use std::error::Error;
 use std::io::Write;
-use std::path::Path;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -56,13 +52,6 @@ fn run_all() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn open(name: &str) -> Result<Model, Box<dyn Error>> {
-    match name.strip_prefix("large:") {
-        Some(triangles) => Ok(large::large(triangles.parse()?)),
-        None => Ok(load(Path::new(name), InvalidTriangles::Refuse, &mut unwatched)?.model),
-    }
-}
-
 /// Wall and processor seconds of each run.
 #[derive(Default)]
 struct Times([Vec<f64>; 2]);
@@ -88,7 +77,7 @@ impl Times {
 }
 
 fn bench(name: &str, builders: &[Builder], repeat: u32) -> Result<(), Box<dyn Error>> {
-    let model = open(name)?;
+    let model = large::open(name)?;
     let mesh = Mesh { positions: &model.positions, indices: &model.indices };
     let vertices: Vec<[f32; 3]> = model.positions.iter().map(|p| p.to_array()).collect();
     let embree =

@@ -2,7 +2,7 @@
 
 use crate::executor::Executor;
 use crate::instructions::{self, InstructionsError};
-use crate::launches::{Launches, Trees};
+use crate::launches::{Layout, Trees};
 use crate::tracer::CpuTracer;
 use core_affinity::CoreId;
 use rt_core::{Capabilities, Clock, Counted, Device, DeviceError, DeviceInfo, Scene, Tracer};
@@ -123,8 +123,8 @@ impl Device for CpuDevice {
     }
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
-        let launches = self.trees.of(&scene).map(|tree| Launches::new(self.kernel, tree));
-        Ok(Box::new(CpuTracer::new(Arc::clone(&self.executor), scene, launches, clock, IN_FLIGHT)?))
+        let (executor, layout) = (Arc::clone(&self.executor), Layout::new(self.kernel, Arc::clone(&self.trees)));
+        Ok(Box::new(CpuTracer::new(executor, scene, layout, clock, IN_FLIGHT)?))
     }
 }
 

@@ -22,14 +22,41 @@ impl Trees {
         // A panic of whoever had it leaves the list whole.
         let mut trees = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         trees.retain(|(scene, tree)| scene.strong_count() > 0 && tree.strong_count() > 0);
-        let known = trees.iter().find(|(known, _)| known.upgrade().is_some_and(|known| Arc::ptr_eq(&known, scene)));
-        if let Some(tree) = known.and_then(|(_, tree)| tree.upgrade()) {
+        let find = |is_it: &dyn Fn(&Arc<Scene>) -> bool| {
+            let known = trees.iter().find(|(known, _)| known.upgrade().is_some_and(|known| is_it(&known)));
+            known.and_then(|(_, tree)| tree.upgrade())
+        };
+        if let Some(tree) = find(&|known| Arc::ptr_eq(known, scene)) {
             return Some(tree);
         }
-        let tree = Arc::new(BlockTree::new(scene)?);
+        // Of a scene that has moved since there is one that only needs to be fitted.
+        let fitted = find(&|known| known.has_tree_of(scene)).and_then(|tree| tree.refit(scene));
+        let tree = Arc::new(match fitted {
+            Some(tree) => tree,
+            None => BlockTree::new(scene)?,
+        });
         use_large_pages(&tree);
         trees.push((Arc::downgrade(scene), Arc::downgrade(&tree)));
         Some(tree)
+    }
+}
+
+/// How scenes are brought into the layout of the kernels.
+#[derive(Clone, Debug)]
+pub(crate) struct Layout {
+    kernel: Kernel,
+    trees: Arc<Trees>,
+}
+
+impl Layout {
+    pub(crate) const fn new(kernel: Kernel, trees: Arc<Trees>) -> Self {
+        Self { kernel, trees }
+    }
+
+    /// The scene for the kernels; `None` where it has too many triangles for them.
+    pub(crate) fn of(&self, scene: &Arc<Scene>) -> Option<Launches> {
+        let tree = self.trees.of(scene)?;
+        Some(Launches { kernel: self.kernel, tree, idle: Mutex::default() })
     }
 }
 
@@ -57,10 +84,6 @@ pub(crate) struct Results<'a> {
 }
 
 impl Launches {
-    pub(crate) const fn new(kernel: Kernel, tree: Arc<BlockTree>) -> Self {
-        Self { kernel, tree, idle: Mutex::new(Vec::new()) }
-    }
-
     /// Whether these kernels trace a stream, and count it where it or a walk is `counted`. `robust` and `f64` are the
     /// same hits; nothing here is `fast`'s, and what is counted are tests of this tree.
     pub(crate) const fn suit(spec: StreamSpec, counted: bool) -> bool {

@@ -1,10 +1,10 @@
 //! One scene on one CPU device: a thread that takes launches in order and runs them on the device's threads.
 
 use crate::executor::Executor;
-use crate::launches::{Launches, Results, WINDOW};
+use crate::launches::{Launches, Layout, Results, WINDOW};
 use crate::stopwatch::Stopwatch;
 use rt_bvh::Stack;
-use rt_core::arguments::{check_load, check_submit, check_walk, invalid};
+use rt_core::arguments::{check_load, check_move, check_submit, check_walk, invalid};
 use rt_core::{
     Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task,
     TestCounts, Ticket, Tracer, Walk,
@@ -27,6 +27,7 @@ const FEW_DONE: u32 = 4;
 #[derive(Debug)]
 pub(crate) struct CpuTracer {
     jobs: Sender<Job>,
+    layout: Layout,
     rays: u32,
     source: RaySource,
     spec: StreamSpec,
@@ -42,6 +43,10 @@ pub(crate) struct CpuTracer {
 /// What the tracer's thread is asked to do.
 #[derive(Debug)]
 enum Job {
+    Move {
+        scene: Arc<Scene>,
+        launches: Option<Launches>,
+    },
     Trace {
         source: RaySource,
         spec: StreamSpec,
@@ -75,11 +80,12 @@ impl CpuTracer {
     pub(crate) fn new(
         executor: Arc<Executor>,
         scene: Arc<Scene>,
-        launches: Option<Launches>,
+        layout: Layout,
         clock: Clock,
         capacity: u32,
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
+        let launches = layout.of(&scene);
         let worker = Worker { executor, launches, scene, clock };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
@@ -88,8 +94,9 @@ impl CpuTracer {
         )?;
         Ok(Self {
             jobs,
+            layout,
             rays: 0,
-            source: RaySource::Explicit { rays: Arc::new([]), origins: None },
+            source: no_rays(),
             spec: StreamSpec::default(),
             in_flight: VecDeque::new(),
             capacity,
@@ -104,11 +111,22 @@ impl CpuTracer {
     }
 }
 
+fn no_rays() -> RaySource {
+    RaySource::Explicit { rays: Arc::new([]), origins: None }
+}
+
 fn lost() -> DeviceError {
     DeviceError::new(DeviceErrorKind::Lost, "the CPU device's thread has ended: it panicked in an earlier launch")
 }
 
 impl Tracer for CpuTracer {
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        check_move(self.in_flight.len())?;
+        let launches = self.layout.of(&scene);
+        (self.source, self.rays) = (no_rays(), 0);
+        self.send(Job::Move { scene, launches })
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.in_flight.len())?;
         self.rays = source.len();
@@ -190,12 +208,13 @@ struct Piece<'a> {
 }
 
 impl Worker {
-    fn run(self, inbox: &Receiver<Job>) {
+    fn run(mut self, inbox: &Receiver<Job>) {
         rt_fenv::settle_thread();
         self.executor.adopt_current_thread();
         // Ends when the tracer is dropped. A reply nobody waits for any more is not an error.
         for job in inbox {
             match job {
+                Job::Move { scene, launches } => (self.scene, self.launches) = (scene, launches),
                 Job::Trace { source, spec, tasks, done, mut out, reply } => {
                     self.trace(&source, spec, &tasks, done.as_deref(), &mut out);
                     let _ = reply.send(out);

@@ -10,7 +10,9 @@ use crate::upload::{Resident, Uploader};
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Flight, GpuApi, GpuScene, Layout, PATIENCE, RAY_BYTES, RayList, RayRecipe, Trees, Tuning};
+use rt_gpu::{
+    Answer, Change, Flight, GpuApi, GpuScene, Layout, PATIENCE, RAY_BYTES, RayList, RayRecipe, Trees, Tuning,
+};
 use rt_shaders::Purpose;
 use std::sync::Arc;
 use std::time::Duration;
@@ -108,6 +110,15 @@ impl GpuApi for VulkanApi {
             let job = Job { making: None, tracing, list: &RayList::nothing(), counted: false };
             let value = slots[index].start(resident, frame, job, timeline)?;
             timeline.wait(value, PATIENCE)
+        })
+    }
+
+    fn write_scene(&mut self, changes: &[Change<'_>]) -> Result<(), DeviceError> {
+        self.on_gpu(|shared, Gpu { timeline, uploader, resident, .. }| {
+            for Change { buffer, offset, bytes } in changes {
+                uploader.send(timeline, resident.buffer(*buffer), *offset, bytes)?;
+            }
+            shared.logical.check_validation()
         })
     }
 

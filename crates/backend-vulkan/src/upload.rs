@@ -6,7 +6,7 @@ use crate::logical::Logical;
 use crate::timeline::Timeline;
 use bytemuck::NoUninit;
 use rt_core::DeviceError;
-use rt_gpu::{Layout, PATIENCE, SceneImage};
+use rt_gpu::{Layout, PATIENCE, SceneBuffer, SceneImage};
 use std::sync::Arc;
 
 /// Bytes copied to the device at once: large enough for the bus, small beside any scene that is worth a GPU.
@@ -79,6 +79,17 @@ impl Resident {
         pairs.try_for_each(|(buffer, (_, bytes))| uploader.send(timeline, buffer, 0, bytes))?;
         let (_, bytes) = image.wide();
         uploader.send(timeline, &self.wide, 0, bytes)
+    }
+
+    /// A buffer that changes when triangles move.
+    pub(crate) const fn buffer(&self, buffer: SceneBuffer) -> &Buffer {
+        let [tree, triangles, _, frame] = &self.buffers;
+        match buffer {
+            SceneBuffer::Tree => tree,
+            SceneBuffer::Triangles => triangles,
+            SceneBuffer::Box => frame,
+            SceneBuffer::Wide => &self.wide,
+        }
     }
 
     /// What kernels over a layout find at bindings 0 to 3.

@@ -7,7 +7,9 @@ use crate::shared::Shared;
 use rt_bvh::kernel_io::KernelRay;
 use rt_core::arguments::invalid;
 use rt_core::{DeviceError, DeviceErrorKind};
-use rt_gpu::{Answer, Flight, GpuApi, GpuScene, PATIENCE, RAY_BYTES, RayList, RayRecipe, Trees, Tuning};
+use rt_gpu::{
+    Answer, Change, Flight, GpuApi, GpuScene, PATIENCE, RAY_BYTES, RayList, RayRecipe, SceneBuffer, Trees, Tuning,
+};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
 use std::time::Duration;
@@ -115,6 +117,20 @@ impl GpuApi for WgpuApi {
         let job = Job { making: None, tracing: &tracing, list: &RayList::nothing(), counted: false };
         self.slots[index].start(scene, &none, job)?;
         self.slots[index].wait(PATIENCE, &mut |_| ())
+    }
+
+    fn write_scene(&mut self, changes: &[Change<'_>]) -> Result<(), DeviceError> {
+        let [tree, triangles, _, frame] = &self.scene;
+        for Change { buffer, offset, bytes } in changes {
+            let to = match buffer {
+                SceneBuffer::Tree => tree,
+                SceneBuffer::Triangles => triangles,
+                SceneBuffer::Box => frame,
+                SceneBuffer::Wide => &self.wide,
+            };
+            self.sender.send(to, *offset, bytes)?;
+        }
+        self.sender.finish()
     }
 
     fn reserve_rays(&mut self, count: u32) -> Result<(), DeviceError> {

@@ -10,6 +10,7 @@ use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
+use rt_bvh::BuildOptions;
 use rt_core::{
     CostEstimator, Counted, CountedTree, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray,
     RaySource, RayStream, Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
@@ -40,6 +41,8 @@ pub struct Balancer {
     pub(crate) opened: Vec<Arc<dyn Device>>,
     /// What a ray was expected to cost in the tree that was built; `None` until it is asked for.
     pub(crate) built_cost: Option<f32>,
+    /// Of [`Balancer::update`].
+    pub(crate) building: BuildOptions,
     origin: Duration,
     /// Of [`Balancer::trace_rays`].
     scheduling: Scheduling,
@@ -71,7 +74,8 @@ impl Balancer {
         }
         let (members, scheduling) = (Vec::with_capacity(devices.len()), Scheduling::default());
         let opened = devices.to_vec();
-        let mut balancer = Self { scene, members, opened, built_cost: None, origin: clock::now(), scheduling };
+        let (building, origin) = (BuildOptions::default(), clock::now());
+        let mut balancer = Self { scene, members, opened, built_cost: None, building, origin, scheduling };
         for (index, device) in devices.iter().enumerate() {
             let member = DeviceState::open(index, device, &balancer.scene);
             balancer
@@ -99,13 +103,13 @@ impl Balancer {
         indices: &[[u32; 3]],
         devices: &[Arc<dyn Device>],
     ) -> Result<Self, BalanceError> {
-        let built = rt_bvh::build(rt_bvh::Mesh::of_arrays(positions, indices), &rt_bvh::BuildOptions::default())?;
+        let built = rt_bvh::build(rt_bvh::Mesh::of_arrays(positions, indices), &BuildOptions::default())?;
         Self::new(built.scene, devices)
     }
 
     /// The scene.
     #[must_use]
-    pub fn scene(&self) -> &Scene {
+    pub const fn scene(&self) -> &Arc<Scene> {
         &self.scene
     }
 
@@ -298,7 +302,7 @@ impl Balancer {
         control: Control<'_>,
     ) -> Result<(), BalanceError> {
         let (source, spec, walk) = (&stream.source, self.spec_of(stream), estimator.walk());
-        ask_all(&mut self.members, || Call::Prepare { source: source.clone(), spec, walk }, limits, control)?;
+        ask_all(&mut self.members, |_| Call::Prepare { source: source.clone(), spec, walk }, limits, control)?;
         Ok(())
     }
 
@@ -339,7 +343,7 @@ impl Balancer {
             }
         }
         let (source, limit) = (&stream.source, limits.lost);
-        let call = || Call::Load { source: source.clone(), spec, limit, audit };
+        let call = |_| Call::Load { source: source.clone(), spec, limit, audit };
         for (index, error) in ask_all(&mut self.members, call, limits, control)? {
             self.members[index].leave_out(&error);
             refused.push((index, error));

@@ -256,21 +256,22 @@ pub(crate) fn settle(members: &mut [DeviceState], limits: &Limits, control: Cont
     }
 }
 
-/// Has every device that is ready do something, and waits for all of them; but not for ever where others could begin.
+/// Has every device that is ready do something, which depends on its place, and waits for all of them; but not for ever
+/// where others could begin.
 /// Returns what devices have refused, being as they were.
 ///
 /// # Errors
 /// When the caller cancels.
 pub(crate) fn ask_all(
     members: &mut [DeviceState],
-    call: impl Fn() -> Call,
+    call: impl Fn(usize) -> Call,
     limits: &Limits,
     control: Control<'_>,
 ) -> Result<Vec<(usize, DeviceError)>, BalanceError> {
     let (to, answers) = channel();
     let mut open: Vec<usize> = Vec::new();
     for member in members.iter_mut().filter(|member| member.is_ready()) {
-        member.ask(call(), &to);
+        member.ask(call(member.index), &to);
         open.push(member.index);
     }
     let patience = after(Instant::now(), limits.ready);
@@ -317,7 +318,7 @@ pub(crate) const fn cancelled() -> BalanceError {
 
 /// Waits for the ends of the devices' threads, which free the scene there: for those that are at rest as long as that
 /// takes, within reason, and hardly for the others.
-pub(crate) fn dismiss(members: &mut [DeviceState]) {
+pub(crate) fn dismiss<'a>(members: impl IntoIterator<Item = &'a mut DeviceState>) {
     let begin = Instant::now();
     let mut parting = Vec::new();
     for member in members {

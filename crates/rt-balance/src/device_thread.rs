@@ -22,6 +22,8 @@ use std::time::{Duration, Instant};
 /// What a device's thread is asked to do, beside taking the scene.
 #[derive(Debug)]
 pub(crate) enum Call {
+    /// [`Tracer::move_scene`], after all launches have ended; where it cannot do that, the device makes another tracer.
+    Move { scene: Arc<Scene>, device: Arc<dyn Device> },
     /// [`Tracer::prepare`], after all launches have ended.
     Prepare { source: RaySource, spec: StreamSpec, walk: Option<Walk> },
     /// [`Tracer::load_rays`], after all launches have ended. From now on launches may take `limit`, and of each `audit`
@@ -302,6 +304,9 @@ impl Crew {
         if !matches!(call, Call::Walk { .. } | Call::Submit { .. } | Call::Wait { .. }) {
             self.rest()?;
         }
+        if let Call::Move { scene, device } = call {
+            return self.follow(&scene, &*device);
+        }
         let Self { tracer, in_flight, asked, limit, .. } = self;
         let tracer = tracer.as_mut().ok_or_else(gone)?;
         match call {
@@ -338,8 +343,24 @@ impl Crew {
                 let checked = asked.check_launch(&flight.tasks, flight.done.as_deref(), &mut buffers)?;
                 Ok(Done::Launched(buffers, checked))
             }
-            Call::Rest => Ok(Done::Ready),
+            // The former was done above.
+            Call::Move { .. } | Call::Rest => Ok(Done::Ready),
         }
+    }
+
+    /// Goes on with a scene that has moved.
+    fn follow(&mut self, scene: &Arc<Scene>, device: &dyn Device) -> Result<Done, DeviceError> {
+        let tracer = self.tracer.as_mut().ok_or_else(gone)?;
+        match contain("move_scene", || tracer.move_scene(Arc::clone(scene))) {
+            Err(error) if is_refusal(error.kind()) => {
+                // Its memory is free before another takes the scene.
+                self.leave();
+                self.tracer = Some(contain("tracer", || device.tracer(Arc::clone(scene), clock::now))?);
+            }
+            moved => moved?,
+        }
+        (self.asked, self.scene) = (Asked::new(Arc::clone(scene)), Arc::clone(scene));
+        Ok(Done::Ready)
     }
 
     /// Waits for launches that nobody asks for any more.

@@ -69,7 +69,7 @@ pub use rt_core::clock::now as clock;
 pub use rt_sched::queue::QueueKind;
 pub use stream::{Control, DEFAULT_TASK_SIZE, Finished, Scheduling, Stream};
 pub use unused::UnusedEstimate;
-pub use update::{MOST_GROWTH, Updated};
+pub use update::{Cause, MOST_GROWTH, Update, Updated};
 
 /// CPU devices (feature `cpu`).
 #[cfg(feature = "cpu")]
@@ -91,10 +91,10 @@ pub use rt_bvh::{
 };
 pub use rt_core::{
     Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
-    Counted, CountedTree, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, LaunchRecord,
-    MAX_DEPTH, Node, Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask, RaySource, RayStream,
-    ReducedWalk, Scene, SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec, Task, TaskId,
-    TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect, morton,
-    random, tasks_of, with_causes,
+    Counted, CountedTree, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, InParts, Launch,
+    LaunchRecord, MAX_DEPTH, MovedParts, Node, Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask,
+    RaySource, RayStream, ReducedWalk, Scene, SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec,
+    Task, TaskId, TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect,
+    morton, random, tasks_of, with_causes,
 };
 pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues, sample};

@@ -1,6 +1,7 @@
 //! What a run tells: the numbers of `report.json` (schema 1) and the raw record they were computed from.
 
 use crate::unused::UnusedEstimate;
+use crate::update::{Update, Updated};
 use rt_core::{CostEstimator, StreamKind, TaskId, Work};
 use rt_sched::calibrate::Fit;
 use rt_sched::estimate::Uniform;
@@ -209,6 +210,49 @@ pub struct DeviceReport {
     pub note: Option<String>,
     /// Why the device dropped out, if it did.
     pub error: Option<String>,
+}
+
+/// How the scene was brought up to date before a frame of an animation. Seconds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct UpdateReport {
+    /// The frame, from 0.
+    pub frame: u32,
+    /// `"fitted"`, or `"rebuilt"`.
+    pub tree: &'static str,
+    /// Why it was built anew; `None` where it was not.
+    pub why: Option<String>,
+    /// How many times as expensive as the tree that was built the fitted one is, by the surface area heuristic; `None`
+    /// where it could not be fitted.
+    pub growth: Option<f32>,
+    /// Finding out where the triangles are.
+    pub move_s: f64,
+    /// Fitting the tree, or finding out that it cannot be.
+    pub fit_s: f64,
+    /// Building another; 0 where it was not.
+    pub build_s: f64,
+    /// Until all devices had the scene.
+    pub bring_s: f64,
+    /// Bytes of what had changed that graphics cards were sent.
+    pub sent_bytes: u64,
+}
+
+impl UpdateReport {
+    /// What an update before a frame did, when moving the triangles had taken so long.
+    #[must_use]
+    pub fn new(frame: u32, move_s: f64, update: &Update) -> Self {
+        let &Update { tree, growth, fit_s, build_s, bring_s, sent_bytes } = update;
+        let (tree, why) = match tree {
+            Updated::Fitted => ("fitted", None),
+            Updated::Rebuilt(cause) => ("rebuilt", Some(cause.to_string())),
+        };
+        Self { frame, tree, why, growth, move_s, fit_s, build_s, bring_s, sent_bytes }
+    }
+
+    /// All of it.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.move_s + self.fit_s + self.build_s + self.bring_s
+    }
 }
 
 /// What a device did from `start_s` to `end_s`: one bar of the timeline.

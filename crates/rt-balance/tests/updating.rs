@@ -2,8 +2,9 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::estimators::{History, Sampled};
+use rt_balance::middleware::{Failure, Fault, Faulty, FaultyCall};
 use rt_balance::sample::Fraction;
-use rt_balance::{BalanceError, Balancer, Device, Hit, Ray, Updated, Walk};
+use rt_balance::{BalanceError, Balancer, Cause, Device, DeviceErrorKind, Hit, MOST_GROWTH, Ray, Updated, Walk};
 use std::sync::Arc;
 
 const SIDE: u32 = 40;
@@ -42,7 +43,7 @@ fn hits_are_those_of_a_balancer_made_anew() {
     let before = hits(&mut balancer);
     for time in [0.1, 0.5, 2.0] {
         let moved = sheet(time);
-        assert_eq!(balancer.update(&moved, &faces).unwrap(), Updated::Fitted);
+        assert_eq!(balancer.update(&moved, &faces).unwrap().tree, Updated::Fitted);
         let found = hits(&mut balancer);
         assert!(found != before);
         assert_eq!(found, hits(&mut Balancer::for_mesh(&moved, &faces, &devices).unwrap()));
@@ -56,13 +57,18 @@ fn what_does_not_fit_is_built_anew() {
     let (devices, faces, positions) = (devices(), faces(), sheet(0.0));
     let mut balancer = Balancer::for_mesh(&positions, &faces, &devices).unwrap();
     let torn = |by: usize| (0..positions.len()).map(|i| positions[i * by % positions.len()]).collect::<Vec<_>>();
-    for (positions, faces) in [(positions.clone(), faces[7..].to_vec()), (torn(331), faces[7..].to_vec())] {
-        assert_eq!(balancer.update(&positions, &faces).unwrap(), Updated::Rebuilt);
+    for (positions, cause) in [(positions.clone(), Cause::OtherTriangles), (torn(331), Cause::TooExpensive)] {
+        let faces = faces[7..].to_vec();
+        let update = balancer.update(&positions, &faces).unwrap();
+        assert_eq!(update.tree, Updated::Rebuilt(cause));
+        assert_eq!(update.growth.is_some_and(|growth| growth > MOST_GROWTH), cause == Cause::TooExpensive);
+        assert!(update.fit_s > 0.0 && update.build_s > 0.0 && update.bring_s > 0.0, "{update:?}");
         let found = hits(&mut balancer);
         assert_eq!(found, hits(&mut Balancer::for_mesh(&positions, &faces, &devices).unwrap()));
     }
     // The new tree is the one to be compared with.
-    assert_eq!(balancer.update(&torn(331), &faces[7..]).unwrap(), Updated::Fitted);
+    let update = balancer.update(&torn(331), &faces[7..]).unwrap();
+    assert_eq!((update.tree, update.growth, update.build_s), (Updated::Fitted, Some(1.0), 0.0));
 }
 
 /// Mutants: a new estimator, or devices without prices, after an update.
@@ -92,4 +98,32 @@ fn a_bad_update_leaves_the_scene_as_it_was() {
     assert!(matches!(balancer.update(&bad, &faces), Err(BalanceError::Build(_))));
     assert!(matches!(balancer.update(&sheet(0.3), &[[0, 1, u32::MAX]]), Err(BalanceError::Build(_))));
     assert_eq!(hits(&mut balancer), before);
+}
+
+/// Mutants: a device that cannot follow a scene given up, or left with the old one; one that fails while it follows
+/// believed; prices of another device after it.
+#[test]
+fn devices_that_do_not_follow_take_the_scene_anew_or_are_named() {
+    let faces = faces();
+    for (failure, survives) in [
+        (Failure::Error(DeviceErrorKind::Unsupported), true),
+        (Failure::Error(DeviceErrorKind::InvalidArgument), true),
+        (Failure::Error(DeviceErrorKind::Lost), false),
+        (Failure::Panic, false),
+    ] {
+        let [first, second] = <[_; 2]>::try_from(devices()).expect("two");
+        let bad = Arc::new(Faulty::new(first, Fault::new(FaultyCall::Move, 0, failure)));
+        let mut balancer = Balancer::for_mesh(&sheet(0.0), &faces, &[bad, second]).unwrap();
+        for time in [0.4, 0.8] {
+            let moved = sheet(time);
+            assert_eq!(balancer.update(&moved, &faces).unwrap().tree, Updated::Fitted);
+            let found = hits(&mut balancer);
+            assert_eq!(found, hits(&mut Balancer::for_mesh(&moved, &faces, &devices()).unwrap()));
+        }
+        let rays = [Ray::new([0.4, 0.6, 1.0].into(), [0.0, 0.0, -1.0].into()); 4];
+        let report = balancer.trace_rays(&rays, &mut [Hit::MISS; 4]).unwrap().report;
+        let error = report.devices[0].error.as_deref();
+        assert_eq!(error.is_none(), survives, "{failure:?}: {error:?}");
+        assert!(survives || error.is_some_and(|error| error.contains("injected fault")), "{error:?}");
+    }
 }

@@ -29,6 +29,7 @@ mod blocks;
 mod build;
 mod collapse;
 mod options;
+mod parallel;
 mod stats;
 mod trace;
 mod wide;
@@ -40,4 +41,4 @@ pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, bui
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, UnknownBuilder};
 pub use stats::TreeStats;
 pub use trace::{Stack, count, count_wide, kernel_io, trace, trace_wide};
-pub use wide::{WideError, WideNode, WideTree};
+pub use wide::{WideError, WideNode, WideShape, WideTree};

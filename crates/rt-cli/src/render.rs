@@ -11,15 +11,16 @@ use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_cluster::Shard;
 use rt_core::Device;
-use rt_render::{AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
+use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
 use rt_report::chart::cost::{self, CostMap, CostMaps};
 use rt_report::headline::Headline;
 use rt_report::pictures::{Part, Pictures};
 use rt_report::print::{Stdout, note};
-use rt_report::usage::OrUsage;
+use rt_report::usage::{OrUsage, usage};
 use rt_report::{Provenance, recipe, tasks, terminal};
-use rt_scene::View;
 use rt_scene::camera::{CameraMotion, CameraPath};
+use rt_scene::wind::Wind;
+use rt_scene::{Model, View};
 use std::cell::Cell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -73,13 +74,14 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let needs = PictureNeeds { size, samples, bounces, frames, cut: args.balance.cut() };
     let waves = Room::now().waves(&needs, args.memory)?;
     let (source, described) = Source::prepare(args, Some(&outputs))?;
-    let Stage { devices, balancer, motion, renderer, mut seconds, .. } = Stage::set(args, &scheduling.limits, source)?;
+    let Stage { devices, balancer, motion, renderer, mut animation, mut seconds, .. } =
+        Stage::set(args, &scheduling.limits, source)?;
     let mut pictures = pictures(args, &renderer, &motion)?;
     let Part { missing, whole } = part(args, &pictures);
     if missing.is_empty() {
         return Ok(pictures.write_sheet()?);
     }
-    let renderer = Renderer { unused: missing.first().copied(), ..renderer };
+    let mut renderer = Renderer { unused: missing.first().copied(), ..renderer };
     let provenance = Provenance::now(args.balance.seed, names(&devices));
     let paths = waves.pixels() * u64::from(args.spp) * missing.len() as u64;
     let bar = progress::Whole::new(paths, (2 * args.bounces + 2).into());
@@ -100,6 +102,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let rendered = missing.iter().try_for_each(|&number| {
         let begin = Instant::now();
         film.clear();
+        animation.show(number, &mut renderer, &mut session)?;
         let paths = renderer.paths(motion.camera(number)?, number);
         let frame = Frame { paths: &paths, number, waves: &waves, end };
         frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
@@ -113,7 +116,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         rendered => rendered.is_err(),
     };
     let Session { scheduling, .. } = session;
-    seconds.add_streams(&runs, waves_s);
+    seconds.add_streams(&runs, animation.updates(), waves_s);
     let begin = Instant::now();
     drop(film);
     bar.stage("writing");
@@ -136,6 +139,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
         streams: runs.iter().map(|run| run.report.clone()).collect(),
+        updates: animation.updates().to_vec(),
         cluster: Vec::new(),
         headline: Headline::of(&runs),
         seconds,
@@ -151,7 +155,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print(&report, &runs, args)?;
+        let explain = args.balance.explain;
+        write!(Stdout, "{}", terminal::rendered(&report, &runs, explain, &args.out, terminal::columns()))?;
     }
     Ok(())
 }
@@ -204,6 +209,7 @@ pub(crate) fn picture_report(
             _ => 0.0,
         },
         camera_path: args.camera.as_ref().map(|file| file.display().to_string()),
+        wind: args.wind,
         seed: args.balance.seed,
         camera: CameraReport::of(&motion.view(first_frame), scene.offset.into()),
     }
@@ -215,6 +221,7 @@ pub(crate) struct Stage {
     pub(crate) balancer: Balancer,
     pub(crate) motion: CameraMotion,
     pub(crate) renderer: Renderer<'static>,
+    pub(crate) animation: Animation,
     /// When the balancer was made, which its runs' times count from, on the clock of this process.
     pub(crate) begin_s: f64,
     /// What it took.
@@ -227,6 +234,7 @@ pub(crate) struct Source {
     pub(crate) view: View,
     /// Seconds until it was there, and until it had its tree.
     pub(crate) took_s: [f64; 2],
+    pub(crate) wind: Option<Wind>,
 }
 
 impl Source {
@@ -236,21 +244,24 @@ impl Source {
         if let Some(outputs) = outputs {
             outputs.spare_materials(&prepared.libraries)?;
         }
+        let wind = wind(args, &prepared.model)?;
         let described = SceneReport::of(&prepared);
         let view = prepared.view_in(args.size[0] as f32 / args.size[1] as f32);
         let took_s = [prepared.load_s, prepared.build_s];
-        Ok((Self { subject: Subject::of(prepared), view, took_s }, described))
+        Ok((Self { subject: Subject::of(prepared), view, took_s, wind }, described))
     }
 }
 
 impl Stage {
     /// Brings a scene to the devices.
     pub(crate) fn set(args: &RenderArgs, limits: &Limits, source: Source) -> Result<Self> {
-        let Source { subject, view, took_s: [load, build] } = source;
+        let Source { subject, view, took_s: [load, build], wind } = source;
         let motion = choose_motion(args, view, subject.offset)?;
         let devices = args.balance.device.open(args.balance.devices.as_deref())?;
         let (begin, begin_s) = (Instant::now(), rt_balance::clock().as_secs_f64());
-        let balancer = Balancer::open(Arc::clone(&subject.scene), &devices, limits, interrupt::control())?;
+        let scene = Arc::clone(&subject.scene);
+        let mut balancer = Balancer::open(scene, &devices, limits, interrupt::control())?;
+        *balancer.building() = args.source.options().build();
         let setup = begin.elapsed().as_secs_f64();
         let seconds = Seconds { load, build, setup, ..Seconds::default() };
         let renderer = Renderer {
@@ -260,10 +271,21 @@ impl Stage {
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
+            moves: args.wind,
             ..Renderer::showing(subject, &motion.view(0), interrupt::flag())
         };
-        Ok(Self { devices, balancer, motion, renderer, begin_s, seconds })
+        let animation = Animation::new(wind);
+        Ok(Self { devices, balancer, motion, renderer, animation, begin_s, seconds })
     }
+}
+
+/// The wind that was asked for.
+fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
+    if args.wind && !args.frames.is_animation() {
+        return Err(usage("--wind moves the scene from frame to frame: give --frames 2 or more").into());
+    }
+    let bends = |wind: Option<Wind>| wind.ok_or_else(|| format!("--wind: nothing in {} bends in it", model.source));
+    Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
 }
 
 /// Whether the scene is there and the camera path is one, before any of it is worked on.
@@ -332,22 +354,4 @@ fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], proven
 /// What devices call themselves.
 pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
     devices.iter().map(|device| device.info().name.as_str())
-}
-
-fn print(report: &Report, runs: &[StreamRun], args: &RenderArgs) -> Result<()> {
-    let width = terminal::columns();
-    write!(Stdout, "{}", terminal::scene(report, width))?;
-    if args.balance.explain {
-        write!(Stdout, "\n{}", terminal::reasons(runs, width))?;
-    }
-    writeln!(Stdout, "\n{}\n{}", terminal::streams(runs, width), terminal::wall(report, width).trim_end())?;
-    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
-        let PictureReport { samples, samples_asked, .. } = picture;
-        writeln!(Stdout, "  {samples} of {samples_asked} samples of each pixel fitted into the time")?;
-    }
-    let written =
-        format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", args.out.display());
-    writeln!(Stdout, "{}", terminal::wrapped(&written, "    ", width))?;
-    write!(Stdout, "\n{}", terminal::headline(report, width))?;
-    Ok(())
 }

@@ -126,6 +126,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
                 .as_ref()
                 .map_or_else(|| Headline::of(&runs), |report| Headline::of_processes(std::slice::from_ref(report))),
             streams: runs.into_iter().map(|run| run.report).collect(),
+            updates: Vec::new(),
             cluster: report.into_iter().collect(),
             seconds,
         };

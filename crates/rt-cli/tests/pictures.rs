@@ -132,3 +132,31 @@ fn streams_beyond_the_memory_are_refused_with_both_numbers() {
         }
     }
 }
+
+/// Wind moves the garden's trees, and all reports say what bringing the scene up to date took.
+///
+/// Fails when an update is not told, or told as shading; when an estimator begins anew with each frame.
+#[test]
+fn wind_moves_what_frames_show_and_is_reported() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let still = ["yard", "--size", "96x60", "--spp", "1", "--devices", "cpu:1"];
+    let moving = ["--frames", "3", "--wind", "--estimator", "history"];
+    let run = render(dir.path(), &[&still[..], &moving].concat());
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let report = fs::read(dir.path().join("report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+    let updates = report["updates"].as_array().expect("updates");
+    let frames: Vec<_> = updates.iter().map(|update| (update["frame"].as_u64(), update["tree"].as_str())).collect();
+    assert_eq!(frames, [(Some(1), Some("fitted")), (Some(2), Some("fitted"))]);
+    assert_eq!(report["picture"]["wind"].as_bool(), Some(true));
+    let sum: f64 = updates.iter().map(|update| update["fit_s"].as_f64().expect("seconds")).sum();
+    assert!(sum > 0.0 && report["seconds"]["update"].as_f64() > Some(sum), "{report}");
+    for stream in report["streams"].as_array().expect("streams") {
+        let (frame, fraction) = (stream["frame"].as_u64(), stream["estimate"]["fraction"].as_f64());
+        assert_eq!(frame == Some(0), fraction > Some(0.0), "{stream}");
+    }
+    let text = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(text.contains("2 fitted, 0 rebuilt"), "{text}");
+    let page = fs::read_to_string(dir.path().join("report.html")).expect("a page");
+    assert!(page.contains("Moving geometry") && page.contains("2 fitted, 0 rebuilt"));
+}

@@ -28,6 +28,7 @@ mod counts;
 mod fixtures;
 mod hits;
 mod launches;
+mod moving;
 mod need;
 mod numbers;
 mod session;
@@ -92,7 +93,7 @@ impl Subject {
 /// Every case.
 #[must_use]
 pub fn cases() -> Vec<Case> {
-    [hits::CASES, numbers::CASES, streams::CASES, counts::CASES, launches::CASES].concat()
+    [hits::CASES, numbers::CASES, streams::CASES, counts::CASES, launches::CASES, moving::CASES].concat()
 }
 
 /// Every case for every device; devices that `RT_REQUIRE` names must be there.

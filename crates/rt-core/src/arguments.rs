@@ -11,6 +11,17 @@ pub fn invalid(message: impl Into<String>) -> DeviceError {
     DeviceError::new(DeviceErrorKind::InvalidArgument, message)
 }
 
+/// Refuses a scene that has moved while `open` launches are in flight.
+///
+/// # Errors
+/// In that case.
+pub fn check_move(open: usize) -> Result<(), DeviceError> {
+    if open > 0 {
+        return Err(invalid(format!("move_scene: {open} launches are in flight: wait for them")));
+    }
+    Ok(())
+}
+
 /// Refuses rays while `open` launches are in flight, and rays whose origins are not as many.
 ///
 /// # Errors

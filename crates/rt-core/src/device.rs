@@ -27,16 +27,29 @@ pub trait Device: Send + Sync + Debug {
 /// One scene resident on one device.
 ///
 /// Launches run in the order in which they were submitted. [`DeviceErrorKind::InvalidArgument`] leaves the tracer as it
-/// was; so does [`DeviceErrorKind::Unsupported`] where rays are loaded or walked. After any other error the tracer is
-/// lost: the driver drops it and gives its tasks to others. So it does when a call panics, does not return in time, or
-/// answers what is not true. A driver may drop a tracer at any time, with launches in flight, and on another thread
-/// than it was made on.
+/// was; so does [`DeviceErrorKind::Unsupported`] where rays are loaded or walked, or the scene moves. After any other
+/// error the tracer is lost: the driver drops it and gives its tasks to others. So it does when a call panics, does not
+/// return in time, or answers what is not true. A driver may drop a tracer at any time, with launches in flight, and on
+/// another thread than it was made on.
 pub trait Tracer: Send + Debug {
     /// Does beforehand what a stream of this kind will need once, and samples of it by `walk`: compiling kernels, say.
     /// So it is not timed with the rays; results do not depend on it. What fails is told when it is needed. Launches in
     /// flight must have been waited for.
     fn prepare(&mut self, source: &RaySource, spec: StreamSpec, walk: Option<Walk>) {
         let _ = (source, spec, walk);
+    }
+
+    /// Goes on with a scene that has the tree of its own ([`Scene::has_tree_of`]) over triangles that have moved, and
+    /// brings to the device no more than what is new of it. Rays are to be loaded anew. Launches in flight must have
+    /// been waited for.
+    ///
+    /// # Errors
+    /// [`DeviceErrorKind::Unsupported`], with the tracer as it was, when it cannot do that: then a tracer of the scene
+    /// is to be made. When a launch is in flight, or the device is lost.
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        let _ = scene;
+        let what = "it takes a scene that has moved as any other: make a tracer of it";
+        Err(DeviceError::new(DeviceErrorKind::Unsupported, what))
     }
 
     /// Replaces the rays. Launches in flight must have been waited for.
@@ -89,6 +102,8 @@ pub trait Tracer: Send + Debug {
 pub struct Traffic {
     /// Bytes copied to the device: rays and lists of rays, not the scene.
     pub uploaded: u64,
+    /// Bytes of the scene that were copied to it when that moved.
+    pub scene: u64,
     /// Bytes copied back: hits and counts.
     pub downloaded: u64,
     /// Rays of launches and walks that the device left to the host.
@@ -103,6 +118,7 @@ impl Traffic {
     pub const fn since(&self, earlier: &Self) -> Self {
         Self {
             uploaded: self.uploaded.saturating_sub(earlier.uploaded),
+            scene: self.scene.saturating_sub(earlier.scene),
             downloaded: self.downloaded.saturating_sub(earlier.downloaded),
             on_host: self.on_host.saturating_sub(earlier.on_host),
             refused: self.refused.saturating_sub(earlier.refused),

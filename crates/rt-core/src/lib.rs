@@ -48,5 +48,7 @@ pub use device::{
 };
 pub use info::{Capabilities, Counted, DeviceInfo};
 pub use ray::{Aabb, Hit, Precision, Query, Ray, ReducedWalk, TestCounts, Triangle, Walk};
-pub use scene::{Child, MAX_DEPTH, Node, PrimitiveIds, SCALE_EXPONENTS, Scene, SceneError, SceneParts};
+pub use scene::{
+    Child, InParts, MAX_DEPTH, MovedParts, Node, PrimitiveIds, SCALE_EXPONENTS, Scene, SceneError, SceneParts,
+};
 pub use task::{RayMask, Task, TaskId, tasks_of};

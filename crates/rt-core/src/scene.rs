@@ -1,11 +1,12 @@
 //! A scene as kernels read it: a two-wide bounding volume hierarchy over triangles in leaf order.
 
 use crate::{Aabb, Triangle};
+use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use core::fmt;
-use core::ops::RangeInclusive;
+use core::ops::{Range, RangeInclusive};
 
 /// Greatest number of inner nodes on a path from the root; builders must stay below it, so that a traversal stack of
 /// this many entries always suffices.
@@ -141,6 +142,21 @@ pub struct SceneParts {
     pub primitive_count: u32,
 }
 
+/// What a builder hands to [`Scene::moved`].
+#[derive(Clone, Debug, Default)]
+pub struct MovedParts {
+    /// Those of the scene, with boxes that fit.
+    pub nodes: Vec<Node>,
+    /// As [`SceneParts::triangles`], each in the place that it had.
+    pub triangles: Vec<Triangle>,
+    /// As [`SceneParts::scale_exponent`].
+    pub scale_exponent: i32,
+}
+
+/// Does a check for ranges that together are those numbers from 0 on, on whatever threads; the error of one of them.
+pub type InParts<'a> =
+    &'a dyn Fn(usize, &(dyn Fn(Range<usize>) -> Result<(), SceneError> + Sync)) -> Result<(), SceneError>;
+
 /// A traceable scene. Immutable and checked once, so that kernels may trust every index.
 #[derive(Clone, Debug)]
 pub struct Scene {
@@ -150,6 +166,8 @@ pub struct Scene {
     scale_exponent: i32,
     primitive_count: u32,
     depth: u32,
+    /// Shared by scenes that are moved from each other.
+    shape: Arc<()>,
 }
 
 impl Scene {
@@ -174,7 +192,37 @@ impl Scene {
         }
         let depth = check_tree(&nodes, &triangles)?;
         let primitives = PrimitiveIds::new(primitives);
-        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth })
+        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape: Arc::default() })
+    }
+
+    /// The same tree over triangles that have moved: nodes, leaves and ids stay, boxes and coordinates are others.
+    /// Checks them in linear time, in parts that `check` deals.
+    ///
+    /// # Errors
+    /// When the nodes do not lead where they did, a child is not inside its bounds, a triangle is not finite, or the
+    /// scale is not one that single precision asks for.
+    pub fn moved(&self, parts: MovedParts, check: InParts<'_>) -> Result<Self, SceneError> {
+        let MovedParts { nodes, triangles, scale_exponent } = parts;
+        if nodes.len() != self.nodes.len() {
+            return Err(SceneError::NodeIndex { index: nodes.len().min(self.nodes.len()) as u32 });
+        }
+        if triangles.len() != self.triangles.len() {
+            return Err(SceneError::IdCount { triangles: triangles.len(), ids: self.triangles.len() });
+        }
+        if !SCALE_EXPONENTS.contains(&scale_exponent) {
+            return Err(SceneError::Scale { exponent: scale_exponent });
+        }
+        check(nodes.len(), &|range| check_moved(&self.nodes, &nodes, &triangles, range))?;
+        let (primitives, shape) = (self.primitives.clone(), Arc::clone(&self.shape));
+        let Self { primitive_count, depth, .. } = *self;
+        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape })
+    }
+
+    /// Whether one of both is [`Scene::moved`] from the other, or both from a third: they have the same tree with the
+    /// same ids in its leaves, over triangles that may be elsewhere.
+    #[must_use]
+    pub fn has_tree_of(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.shape, &other.shape)
     }
 
     /// Inner nodes; node 0 is the root and always exists.
@@ -269,10 +317,37 @@ fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError>
             }
         }
     }
+    if let Some(index) = node_seen.iter().position(|&seen| !seen) {
+        return Err(SceneError::NodeIndex { index: index as u32 });
+    }
     match slot_seen.iter().position(|&seen| !seen) {
         Some(slot) => Err(SceneError::LostTriangle { slot }),
         None => Ok(deepest),
     }
+}
+
+/// Checks a range of nodes that lead where others do, which were checked.
+fn check_moved(before: &[Node], nodes: &[Node], triangles: &[Triangle], range: Range<usize>) -> Result<(), SceneError> {
+    for index in range {
+        let (node, known) = (&nodes[index], &before[index]);
+        if (node.child, node.count) != (known.child, known.count) {
+            return Err(SceneError::NodeIndex { index: index as u32 });
+        }
+        for side in 0..2 {
+            let bounds = node.bounds[side];
+            let fits = match node.child(side) {
+                Child::Absent => bounds.is_empty(),
+                Child::Inner(child) => nodes[child as usize].bounds.iter().all(|below| bounds.contains(below)),
+                Child::Leaf { first, count } => triangles[first as usize..][..count as usize]
+                    .iter()
+                    .all(|triangle| triangle.is_finite() && bounds.contains(&triangle.bounds())),
+            };
+            if !fits {
+                return Err(SceneError::Bounds { node: index as u32 });
+            }
+        }
+    }
+    Ok(())
 }
 
 fn unseen(count: usize) -> Result<Vec<bool>, SceneError> {
@@ -302,7 +377,7 @@ pub enum SceneError {
         /// The number of primitives.
         primitive_count: u32,
     },
-    /// A node is missing, reached twice, or placed before its parent.
+    /// A node is missing, reached twice or never, or placed before its parent.
     NodeIndex {
         /// The node.
         index: u32,
@@ -344,7 +419,9 @@ impl fmt::Display for SceneError {
             Self::IdRange { id, primitive_count } => {
                 write!(f, "primitive id {id} in a scene of {primitive_count} primitives")
             }
-            Self::NodeIndex { index } => write!(f, "node {index} is missing, reached twice or before its parent"),
+            Self::NodeIndex { index } => {
+                write!(f, "node {index} is missing, reached twice or never, or before its parent")
+            }
             Self::LeafRange { node } => write!(f, "a leaf of node {node} names triangles outside its own"),
             Self::Bounds { node } => write!(f, "a child of node {node} is not finite or sticks out of its bounds"),
             Self::LostTriangle { slot } => write!(f, "triangle {slot} of the leaf order is in no leaf"),
@@ -388,6 +465,35 @@ mod tests {
         assert!(Scene::new(empty).is_ok());
     }
 
+    /// Mutants: any of the checks left out; a scene of as many triangles taken for a moved one.
+    #[test]
+    fn a_moved_scene_keeps_its_tree_and_every_defect_is_refused() {
+        let scene = Scene::new(one_leaf()).expect("valid");
+        let all: InParts<'_> = &|count, check| check(0..count);
+        let triangle = Triangle::new(Vec3::X, Vec3::Y, Vec3::Z);
+        let parts = || {
+            let mut nodes = scene.nodes().to_vec();
+            nodes[0].bounds[0] = triangle.bounds();
+            MovedParts { nodes, triangles: vec![triangle], scale_exponent: 1 }
+        };
+        let moved = scene.moved(parts(), all).expect("valid");
+        assert!(moved.has_tree_of(&scene) && moved.has_tree_of(&moved.clone()));
+        assert_eq!((moved.triangles(), moved.scale_exponent(), moved.primitives().get(0)), (&[triangle][..], 1, 5));
+        assert!(!Scene::new(one_leaf()).expect("valid").has_tree_of(&scene));
+        let bad = |change: fn(&mut MovedParts)| {
+            let mut parts = parts();
+            change(&mut parts);
+            scene.moved(parts, all).expect_err("defect")
+        };
+        assert_eq!(bad(|p| p.nodes.push(Node::EMPTY)), SceneError::NodeIndex { index: 1 });
+        assert_eq!(bad(|p| p.nodes[0].count[0] = 0), SceneError::NodeIndex { index: 0 });
+        assert_eq!(bad(|p| p.triangles.clear()), SceneError::IdCount { triangles: 0, ids: 1 });
+        assert_eq!(bad(|p| p.scale_exponent = 129), SceneError::Scale { exponent: 129 });
+        assert_eq!(bad(|p| p.nodes[0].bounds[0].max.x = 0.5), SceneError::Bounds { node: 0 });
+        assert_eq!(bad(|p| p.nodes[0].bounds[1] = p.nodes[0].bounds[0]), SceneError::Bounds { node: 0 });
+        assert_eq!(bad(|p| p.triangles[0].a.x = f32::NAN), SceneError::Bounds { node: 0 });
+    }
+
     #[test]
     fn every_defect_is_refused() {
         let bad = |change: fn(&mut SceneParts)| {
@@ -402,6 +508,7 @@ mod tests {
         assert_eq!(bad(|p| p.nodes[0].bounds[0].max.x = 0.5), SceneError::Bounds { node: 0 });
         assert_eq!(bad(|p| p.triangles[0].a.x = f32::NAN), SceneError::Bounds { node: 0 });
         assert_eq!(bad(|p| p.nodes[0].set(1, Aabb::EMPTY, Child::Inner(0))), SceneError::NodeIndex { index: 0 });
+        assert_eq!(bad(|p| p.nodes.push(Node::EMPTY)), SceneError::NodeIndex { index: 1 });
         assert_eq!(bad(|p| p.scale_exponent = 129), SceneError::Scale { exponent: 129 });
         assert_eq!(bad(|p| p.nodes[0] = Node::EMPTY), SceneError::LostTriangle { slot: 0 });
     }

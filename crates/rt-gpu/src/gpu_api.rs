@@ -1,8 +1,8 @@
 //! The seam between the host's side of a launch and the API by which a card is reached.
 
-use crate::{RayList, RayRecipe};
+use crate::{Change, RayList, RayRecipe};
 use rt_bvh::kernel_io::KernelRay;
-use rt_core::{DeviceError, TestCounts};
+use rt_core::{DeviceError, DeviceErrorKind, TestCounts};
 use rt_shaders::Purpose;
 use std::fmt::Debug;
 use std::time::Duration;
@@ -59,6 +59,16 @@ pub trait GpuApi: Send + Debug {
     fn warm_up(&mut self, purpose: Purpose) -> Result<(), DeviceError> {
         let _ = purpose;
         Ok(())
+    }
+
+    /// Writes what has changed of the scene, whose triangles have moved. Nothing is in flight.
+    ///
+    /// # Errors
+    /// [`DeviceErrorKind::Unsupported`], with nothing written, when it cannot; when the device is lost.
+    fn write_scene(&mut self, changes: &[Change<'_>]) -> Result<(), DeviceError> {
+        let _ = changes;
+        let what = format!("{} cannot write to a scene: make another tracer", self.name());
+        Err(DeviceError::new(DeviceErrorKind::Unsupported, what))
     }
 
     /// Makes room for `count` rays in place of those that were there. Nothing is in flight.

@@ -1,9 +1,9 @@
 //! A scene as the kernels read it.
 
 use bytemuck::{Pod, Zeroable};
-use rt_bvh::WideTree;
 use rt_bvh::kernel_io::KernelIo;
-use rt_core::{Child, Scene};
+use rt_bvh::{WideNode, WideTree};
+use rt_core::{Child, Node, Scene, Triangle};
 
 /// The shader's structure `Frame`.
 #[repr(C)]
@@ -23,7 +23,7 @@ pub struct Frame {
 #[derive(Debug)]
 pub struct SceneImage<'a> {
     scene: &'a Scene,
-    wide: &'a [u8],
+    wide: &'a [WideNode],
     primitives: Vec<u32>,
     frame: Frame,
 }
@@ -52,7 +52,7 @@ impl<'a> SceneImage<'a> {
     /// The image of a scene in both layouts, over the triangles in the wide one's order.
     #[must_use]
     pub fn with_wide(tree: &'a WideTree) -> Self {
-        Self { wide: bytemuck::cast_slice(tree.nodes()), ..Self::new(tree.scene()) }
+        Self { wide: tree.nodes(), ..Self::new(tree.scene()) }
     }
 
     /// The wide tree, which kernels over that layout read at binding 0 in place of the two-wide one: its name in
@@ -60,7 +60,12 @@ impl<'a> SceneImage<'a> {
     #[must_use]
     pub fn wide(&self) -> (String, &[u8]) {
         let two = size_of_val(self.scene.nodes());
-        (format!("the scene's wide tree, beside the two-wide one of {two} bytes,"), self.wide)
+        (format!("the scene's wide tree, beside the two-wide one of {two} bytes,"), bytemuck::cast_slice(self.wide))
+    }
+
+    /// What is in the buffers that change when triangles move: the two trees' nodes, the triangles and the box.
+    pub(crate) fn moving(&self) -> (&[Node], &[WideNode], &[Triangle], &Frame) {
+        (self.scene.nodes(), self.wide, self.scene.triangles(), &self.frame)
     }
 
     /// What the buffer is called in errors, and its bytes: those of bindings 0 to 3 of `bindings.wgsl`.
@@ -77,6 +82,6 @@ impl<'a> SceneImage<'a> {
     /// Bytes of all buffers.
     #[must_use]
     pub fn bytes(&self) -> u64 {
-        self.wide.len() as u64 + self.buffers().iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>()
+        size_of_val(self.wide) as u64 + self.buffers().iter().map(|(_, bytes)| bytes.len() as u64).sum::<u64>()
     }
 }

@@ -10,6 +10,7 @@
 //!
 //! | | up | down |
 //! |---|---|---|
+//! | moving the scene | what of nodes and triangles has changed | |
 //! | loading a ray of the host's | 64 bytes | |
 //! | the first time a camera ray is asked for | 4 bytes a pixel, and 16 for all in a row | |
 //! | the first time a ray is asked for that leaves a surface | 12 bytes, and its path's number: 4, or 8 for all in a row | |
@@ -26,6 +27,7 @@ pub mod arithmetic;
 pub mod bounce;
 pub mod camera;
 mod card;
+mod changes;
 mod environment;
 mod faults;
 mod gpu_api;
@@ -43,6 +45,7 @@ mod trials;
 mod tuning;
 
 pub use card::{Card, GpuDevice, fault_of_llvmpipe};
+pub use changes::{Change, SceneBuffer};
 pub use environment::{BadVariable, switch};
 #[cfg(feature = "test-support")]
 pub use faults::FaultInjection;

@@ -2,7 +2,7 @@
 
 use crate::SceneImage;
 use rt_bvh::kernel_io::KernelIo;
-use rt_bvh::{Stack, WideTree, count_wide, trace_wide};
+use rt_bvh::{Stack, WideShape, WideTree, count_wide, trace_wide};
 use rt_core::{Hit, MAX_DEPTH, Precision, Ray, Scene, StreamSpec, TestCounts, Walk};
 use rt_shaders::{Layout, Purpose};
 use std::sync::Arc;
@@ -61,8 +61,8 @@ pub struct GpuScene {
     trees: Trees,
     /// Dropped when it is on the device, unless the host counts on it.
     wide: Option<WideTree>,
-    /// For each triangle on the device, where it is in the given scene; empty where that is its own place.
-    slots: Vec<u32>,
+    /// Of the wide tree, once it is on the device: where triangles are, and what is to be fitted when they move.
+    shape: Option<WideShape>,
 }
 
 impl From<Arc<Scene>> for GpuScene {
@@ -81,7 +81,7 @@ impl GpuScene {
         let wide = wanted.then(|| WideTree::new(&given)).filter(|tree| tree.depth() <= MAX_DEPTH);
         let depths = [given.depth(), wide.as_ref().map_or(0, WideTree::depth)];
         let layouts = if wide.is_some() { layouts } else { Layouts::default() };
-        Self { given, trees: Trees { layouts, depths }, wide, slots: Vec::new() }
+        Self { given, trees: Trees { layouts, depths }, wide, shape: None }
     }
 
     /// What the device is to hold.
@@ -107,16 +107,29 @@ impl GpuScene {
     /// Frees what was only needed for the image.
     #[must_use]
     pub(crate) fn settled(mut self) -> Self {
-        self.slots = match self.wide.take() {
-            Some(tree) if self.trees.layouts.count == Layout::Wide => {
-                let slots = tree.slots().to_vec();
-                self.wide = Some(tree);
-                slots
-            }
-            Some(tree) => tree.into_slots(),
-            None => Vec::new(),
+        self.shape = match &self.wide {
+            Some(tree) if self.trees.layouts.count == Layout::Wide => Some(tree.shape()),
+            _ => self.wide.take().map(WideTree::into_shape),
         };
         self
+    }
+
+    /// The scene when its triangles have moved, not settled yet; `None` if it has another tree.
+    pub(crate) fn moved(&self, given: Arc<Scene>) -> Option<Self> {
+        given.has_tree_of(&self.given).then(|| {
+            let wide = self.shape.as_ref().map(|shape| shape.refit(&given));
+            Self { given, trees: self.trees, wide, shape: None }
+        })
+    }
+
+    /// The wide tree as it is on the device.
+    pub(crate) const fn shape(&self) -> Option<&WideShape> {
+        self.shape.as_ref()
+    }
+
+    /// For each triangle on the device, where it is in the given scene; empty where that is its own place.
+    pub(crate) fn slots(&self) -> &[u32] {
+        self.shape.as_ref().map_or(&[], WideShape::slots)
     }
 
     /// The scene as it was given.
@@ -126,14 +139,15 @@ impl GpuScene {
 
     /// For each slot of the given scene, where its triangle is on the device; empty where that is its own place.
     pub(crate) fn places(&self) -> Vec<u32> {
-        let mut places = vec![0; self.slots.len()];
-        (0..).zip(&self.slots).for_each(|(place, &given)| places[given as usize] = place);
+        let mut places = vec![0; self.slots().len()];
+        (0..).zip(self.slots()).for_each(|(place, &given)| places[given as usize] = place);
         places
     }
 
     /// The hit of a ray with the triangle at a slot of the device's order.
     pub(crate) fn finish(&self, io: &KernelIo<'_>, ray: &Ray, slot: u32) -> Option<Hit> {
-        let given = if self.slots.is_empty() { Some(slot) } else { self.slots.get(slot as usize).copied() };
+        let slots = self.slots();
+        let given = if slots.is_empty() { Some(slot) } else { slots.get(slot as usize).copied() };
         io.finish(ray, given?)
     }
 
@@ -202,13 +216,13 @@ mod tests {
         let scene = GpuScene::new(Arc::clone(&given), Layouts::USUAL);
         let on_device: Vec<_> = (0..COUNT as usize).map(|slot| triangle(&scene.image(), slot)).collect();
         let scene = scene.settled();
-        assert!(scene.wide.is_none() && scene.slots.len() == on_device.len());
+        assert!(scene.wide.is_none() && scene.slots().len() == on_device.len());
         for (slot, bytes) in on_device.iter().enumerate() {
-            assert_eq!(*bytes, triangle(&SceneImage::new(&given), scene.slots[slot] as usize));
-            assert_eq!(scene.places()[scene.slots[slot] as usize], slot as u32);
+            assert_eq!(*bytes, triangle(&SceneImage::new(&given), scene.slots()[slot] as usize));
+            assert_eq!(scene.places()[scene.slots()[slot] as usize], slot as u32);
         }
-        assert!(scene.slots.windows(2).any(|pair| pair[0] > pair[1]), "the order is another one");
+        assert!(scene.slots().windows(2).any(|pair| pair[0] > pair[1]), "the order is another one");
         let alone = GpuScene::from(given).settled();
-        assert!(alone.wide.is_none() && alone.slots.is_empty());
+        assert!(alone.wide.is_none() && alone.slots().is_empty());
     }
 }

@@ -1,13 +1,14 @@
 //! One scene on one graphics card, as the driver sees it.
 
+use crate::changes::changes;
 use crate::pending::{Answers, Finished, How, Part, Pending, finish};
 use crate::ray_generation::RayGeneration;
 use crate::ray_list::Sorter;
 use crate::{GpuApi, GpuScene, IN_FLIGHT, RayCounters, rays};
 use rt_bvh::kernel_io::KernelIo;
-use rt_core::arguments::{check_load, check_submit, check_walk, invalid, is_disbelieved};
+use rt_core::arguments::{check_load, check_move, check_submit, check_walk, invalid, is_disbelieved};
 use rt_core::{
-    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Span, StreamSpec, Task,
+    Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
     TestCounts, Ticket, Tracer, Traffic, Walk,
 };
 use rt_shaders::Purpose;
@@ -176,6 +177,21 @@ impl<A: GpuApi> Tracer for GpuTracer<A> {
             // Whoever uses the kernel is told what is wrong.
             let _ = self.api.warm_up(how.purpose());
         }
+    }
+
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        check_move(self.open())?;
+        let Some(moved) = self.scene.moved(scene) else {
+            let what = "move_scene: a scene with another tree: make a tracer of it";
+            return Err(DeviceError::new(DeviceErrorKind::Unsupported, what));
+        };
+        let image = moved.image();
+        let changes = changes(&self.scene, &image);
+        self.api.write_scene(&changes)?;
+        self.traffic.scene += changes.iter().map(|change| change.bytes.len() as u64).sum::<u64>();
+        (self.source, self.generation) = (no_rays(), None);
+        self.scene = moved.settled();
+        Ok(())
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {

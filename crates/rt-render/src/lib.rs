@@ -6,6 +6,7 @@
 //! did it: [`tiles`] deals the parts to several. [`ranges`] does the same for rays of a caller's own.
 #![forbid(unsafe_code)]
 
+mod animation;
 mod error;
 mod film;
 mod light;
@@ -17,6 +18,7 @@ mod renderer;
 mod share;
 pub mod tiles;
 
+pub use animation::Animation;
 pub use error::RenderError;
 pub use film::Film;
 pub use light::Light;

@@ -81,6 +81,8 @@ pub struct Renderer<'a> {
     /// The frame whose streams, where they were traced without an estimate, are estimated afterwards, to see what that
     /// would have said.
     pub unused: Option<u32>,
+    /// Whether the scene moves, by the number of the frame: see [`Animation`](crate::Animation).
+    pub moves: bool,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
@@ -173,6 +175,7 @@ impl<'a> Renderer<'a> {
             seed: 0,
             reference: false,
             unused: None,
+            moves: false,
             cancel,
         }
     }

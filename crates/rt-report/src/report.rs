@@ -3,7 +3,7 @@
 use crate::Provenance;
 use crate::headline::Headline;
 use glam::{DVec3, Vec3};
-use rt_balance::report::{StreamReport, StreamRun};
+use rt_balance::report::{StreamReport, StreamRun, UpdateReport};
 use rt_cluster::ClusterReport;
 use rt_scene::View;
 use rt_scene::prepare::Prepared;
@@ -29,6 +29,8 @@ pub struct Report {
     pub policy: Option<&'static str>,
     /// One for each stream, in the order in which they were traced.
     pub streams: Vec<StreamReport>,
+    /// How the scene was brought up to date, one entry for each frame before which it moved.
+    pub updates: Vec<UpdateReport>,
     /// What was dealt to which process, one entry for each frame; empty where there was one process alone. `streams`
     /// are those of rank 0 then.
     pub cluster: Vec<ClusterReport>,
@@ -111,6 +113,8 @@ pub struct PictureReport {
     pub degrees_per_frame: f32,
     /// The file of key frames that the camera moves along.
     pub camera_path: Option<String>,
+    /// Whether wind moves the scene from one to the next.
+    pub wind: bool,
     /// Seed of all random numbers.
     pub seed: u32,
     /// The camera of the first frame that was asked for.
@@ -163,6 +167,8 @@ pub struct Seconds {
     pub build: f64,
     /// The scene brought to the devices, kernels compiled.
     pub setup: f64,
+    /// The scene moved between frames, its tree fitted or built anew, and brought to the devices.
+    pub update: f64,
     /// Sample rays walked and costs estimated.
     pub estimate: f64,
     /// Streams traced, without the estimation.
@@ -180,9 +186,17 @@ pub struct Seconds {
 }
 
 impl Seconds {
-    /// Adds streams that took `wall_s` seconds with all that was done about them: what is not accounted for was
-    /// shading.
-    pub fn add_streams(&mut self, runs: &[StreamRun], wall_s: f64) {
+    /// Adds updates of the scene between streams, and says what they took.
+    pub fn add_updates(&mut self, updates: &[UpdateReport]) -> f64 {
+        let update = updates.iter().map(UpdateReport::seconds).sum();
+        self.update += update;
+        update
+    }
+
+    /// Adds streams, and updates of the scene between them, that took `wall_s` seconds with all that was done about
+    /// them: what is not accounted for was shading.
+    pub fn add_streams(&mut self, runs: &[StreamRun], updates: &[UpdateReport], wall_s: f64) {
+        let update = self.add_updates(updates);
         let sum = |part: fn(&StreamRun) -> f64| runs.iter().map(part).sum::<f64>();
         let setup = sum(|run| run.report.setup_s);
         let estimate = sum(|run| run.report.estimate.seconds);
@@ -194,7 +208,7 @@ impl Seconds {
         self.trace += makespan - estimate;
         self.reference += reference;
         self.unused_estimate += unused;
-        self.shade += (wall_s - setup - makespan - reference - unused).max(0.0);
+        self.shade += (wall_s - update - setup - makespan - reference - unused).max(0.0);
     }
 }
 

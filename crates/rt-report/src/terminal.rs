@@ -1,11 +1,12 @@
 //! What commands say of a run on a terminal, in lines that fit it.
 
-use crate::report::{Report, Seconds};
+use crate::report::{PictureReport, Report, Seconds};
 use crate::table::{self, grouped, seconds};
 use rt_balance::report::StreamRun;
 use rt_cluster::ClusterReport;
 use std::fmt::Write;
 use std::io::{IsTerminal, stdout};
+use std::path::Path;
 
 /// Columns of text where there is no terminal, and the most that are used on a wide one: lines beyond that are hard to
 /// follow.
@@ -85,6 +86,34 @@ pub fn streams(runs: &[StreamRun], width: usize) -> String {
     text
 }
 
+/// How the scene was brought up to date before each frame; nothing where it did not move.
+#[must_use]
+pub fn updates(report: &Report, width: usize) -> String {
+    let table = || table::update_table(&report.updates).to_text(width) + "\n";
+    if report.updates.is_empty() { String::new() } else { table() }
+}
+
+/// All that is said of a picture whose files are in the folder `out`; with the reasons of estimates, where they are to
+/// be explained.
+#[must_use]
+pub fn rendered(report: &Report, runs: &[StreamRun], explain: bool, out: &Path, width: usize) -> String {
+    let mut text = scene(report, width);
+    if explain {
+        let _ = write!(text, "\n{}", reasons(runs, width));
+    }
+    let _ = writeln!(text, "\n{}", streams(runs, width));
+    text += &updates(report, width);
+    text += &wall(report, width);
+    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
+        let PictureReport { samples, samples_asked, .. } = picture;
+        let _ = writeln!(text, "  {samples} of {samples_asked} samples of each pixel fitted into the time");
+    }
+    let written =
+        format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", out.display());
+    let _ = writeln!(text, "{}", wrapped(&written, "    ", width));
+    text + "\n" + &headline(report, width)
+}
+
 /// What each of several processes did, and what they said to each other.
 #[must_use]
 pub fn ranks(deals: &[ClusterReport], width: usize) -> String {
@@ -110,11 +139,12 @@ pub fn wall(report: &Report, width: usize) -> String {
     } else {
         " (kernels compiled: once per start)"
     };
-    let Seconds { load, build, setup, estimate, trace, reference, unused_estimate, shade, write, total } = *s;
+    let Seconds { load, build, setup, update, estimate, trace, reference, unused_estimate, shade, write, total } = *s;
     let parts = [
         ("load", load, ""),
         ("build", build, ""),
         ("set-up", setup, reason),
+        ("moving", update, ""),
         ("estimate", estimate, ""),
         ("trace", trace, ""),
         ("reference", reference, ""),

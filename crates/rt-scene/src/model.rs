@@ -5,6 +5,7 @@ use crate::offset::Offset;
 use glam::{DVec3, Vec3};
 use rt_bvh::BuildError;
 use rt_core::{Aabb, Camera, CameraError, Triangle};
+use std::ops::Range;
 
 /// Triangles as loaded or generated, in file order: the primitive id of a hit is an index into [`Model::indices`].
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,17 @@ pub struct Model {
     pub view: Option<View>,
     /// Whether the last two triangles are a floor that was put under it: see [`Model::add_floor`].
     pub has_floor: bool,
+    /// What of it bends in the wind: see [`Wind`](crate::wind::Wind).
+    pub plants: Vec<Plant>,
+}
+
+/// A part of a model that bends in the wind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plant {
+    /// Its vertices, which no other part uses.
+    pub vertices: Range<usize>,
+    /// Where it stands.
+    pub foot: Vec3,
 }
 
 /// A camera's parameters as a person gives them.

@@ -18,11 +18,25 @@ pub fn build(triangles: &[Triangle], builder: Builder) -> Result<Arc<Scene>, Str
 /// # Errors
 /// The builder's message.
 pub fn built(triangles: &[Triangle], builder: Builder) -> Result<Built, String> {
-    let positions: Vec<Vec3> = triangles.iter().flat_map(Triangle::vertices).collect();
-    let indices: Vec<[u32; 3]> = (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    let mesh = Mesh { positions: &positions, indices: &indices };
+    let (positions, indices) = soup(triangles);
     let options = BuildOptions { builder, ..BuildOptions::default() };
-    rt_bvh::build(mesh, &options).map_err(|e| e.to_string())
+    rt_bvh::build(Mesh { positions: &positions, indices: &indices }, &options).map_err(|e| e.to_string())
+}
+
+/// The scene of triangles that have moved since `scene` was built of them; `None` if they cannot have its tree.
+///
+/// # Errors
+/// The builder's message.
+pub fn refit(scene: &Scene, triangles: &[Triangle]) -> Result<Option<Arc<Scene>>, String> {
+    let (positions, indices) = soup(triangles);
+    let mesh = Mesh { positions: &positions, indices: &indices };
+    rt_bvh::refit(scene, mesh, &BuildOptions::default()).map_err(|e| e.to_string())
+}
+
+/// Vertices of triangles that share none.
+fn soup(triangles: &[Triangle]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let positions = triangles.iter().flat_map(Triangle::vertices).collect();
+    (positions, (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect())
 }
 
 /// Traces every ray with `rt_bvh`.

@@ -33,6 +33,8 @@ pub enum FaultyCall {
     Open,
     /// [`Tracer::prepare`], which cannot report an error: it does nothing then.
     Prepare,
+    /// [`Tracer::move_scene`].
+    Move,
     /// [`Tracer::load_rays`].
     Load,
     /// [`Tracer::walk`].
@@ -46,7 +48,7 @@ pub enum FaultyCall {
 }
 
 impl FaultyCall {
-    /// All of them.
+    /// All but [`FaultyCall::Move`], which no stream asks for.
     pub const ALL: [Self; 7] =
         [Self::Open, Self::Prepare, Self::Load, Self::Walk, Self::Submit, Self::Wait, Self::Drop];
 }
@@ -228,7 +230,7 @@ impl Pending {
 
 /// Whether a device goes on after such an error.
 const fn is_harmless(kind: DeviceErrorKind, call: FaultyCall) -> bool {
-    let refusable = matches!(call, FaultyCall::Load | FaultyCall::Walk);
+    let refusable = matches!(call, FaultyCall::Load | FaultyCall::Walk | FaultyCall::Move);
     matches!(kind, DeviceErrorKind::InvalidArgument) || refusable && matches!(kind, DeviceErrorKind::Unsupported)
 }
 
@@ -250,6 +252,11 @@ impl Tracer for FaultyTracer {
         if self.pending.strike(FaultyCall::Prepare).is_ok() {
             self.inner.prepare(source, spec, walk);
         }
+    }
+
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        self.pending.strike(FaultyCall::Move)?;
+        self.inner.move_scene(scene)
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {

@@ -82,6 +82,10 @@ impl Tracer for RecordedTracer {
         self.inner.prepare(source, spec, walk);
     }
 
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        self.inner.move_scene(scene)
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         let rays = source.len();
         self.inner.load_rays(source, spec)?;

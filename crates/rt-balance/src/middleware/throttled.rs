@@ -70,6 +70,10 @@ impl Tracer for ThrottledTracer {
         self.inner.prepare(source, spec, walk);
     }
 
+    fn move_scene(&mut self, scene: Arc<Scene>) -> Result<(), DeviceError> {
+        self.inner.move_scene(scene)
+    }
+
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         self.inner.load_rays(source, spec)
     }

@@ -48,7 +48,7 @@ pub(super) fn emit(scene: &Scene, plan: &Plan) -> Option<(Vec<BlockNode>, Vec<Bl
 }
 
 /// The block of the triangles at these places of the leaf order, of which there are 1 to 4.
-fn block(scene: &Scene, slots: &[u32]) -> Block {
+pub(super) fn block(scene: &Scene, slots: &[u32]) -> Block {
     let mut block = Block::zeroed();
     for lane in 0..BLOCK {
         let slot = *slots.get(lane).unwrap_or(&slots[0]) as usize;

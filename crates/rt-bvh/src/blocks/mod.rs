@@ -12,11 +12,13 @@
 mod check;
 mod emit;
 mod order;
+mod refit;
 
 pub use check::BlockTreeError;
 
 use crate::collapse::{Costs, Plan, WIDTH};
 use crate::stats::Areas;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use rt_core::{Aabb, Scene, Triangle};
@@ -184,6 +186,8 @@ pub struct BlockTree {
     bounds: Aabb,
     scale_exponent: i32,
     depth: u32,
+    /// For each block, where its triangles are in the scene's leaf order; found out when the tree is first fitted.
+    slots: Option<Arc<[[u32; BLOCK]]>>,
 }
 
 impl BlockTree {
@@ -195,7 +199,8 @@ impl BlockTree {
         let plan = Plan::of(scene, COSTS);
         let (mut nodes, blocks, depth) = emit::emit(scene, &plan)?;
         order::arrange(&mut nodes, &blocks, Areas::of(scene));
-        Some(Self { nodes, blocks, bounds: scene.bounds(), scale_exponent: scene.scale_exponent(), depth })
+        let (bounds, scale_exponent) = (scene.bounds(), scene.scale_exponent());
+        Some(Self { nodes, blocks, bounds, scale_exponent, depth, slots: None })
     }
 
     /// Nodes; node 0 is the root and always exists. Children have larger indices than their parent.

@@ -84,7 +84,7 @@ fn arranged(node: &BlockNode, slots: [u8; WIDTH]) -> BlockNode {
 
 /// An order of the slots, as [`BlockNode::orders`] has it: by the middle of each box along the octant's diagonal. Empty
 /// slots come first.
-fn from_far_to_near(node: &BlockNode, octant: usize) -> u32 {
+pub(super) fn from_far_to_near(node: &BlockNode, octant: usize) -> u32 {
     let sign = |axis: usize| if octant >> axis & 1 == 1 { -0.5 } else { 0.5 };
     let diagonal = Vec3::new(sign(0), sign(1), sign(2));
     let keys: [f32; WIDTH] = core::array::from_fn(|slot| match BlockChild::of(node.children[slot]) {

@@ -7,8 +7,8 @@
 //! coordinates are single-precision numbers as they come. The largest is then above 1, at most 2¹²⁸ in the worst case.
 //! Builders, which need not be exact, see all boxes in the first unit, where no area overflows.
 
-use super::parallel::each;
 use super::{BuildError, reserved, zeroed};
+use crate::parallel::each;
 use crate::scale::{exponent, lowest_bit, pow2, scaled};
 use crate::{InvalidTriangles, Mesh};
 use alloc::vec::Vec;
@@ -115,14 +115,21 @@ impl Census {
 
 /// A triangle whose indices are in range.
 #[inline]
-fn corners(positions: &[Vec3], indices: &[u32; 3]) -> Triangle {
+pub(super) fn corners(positions: &[Vec3], indices: &[u32; 3]) -> Triangle {
     let [a, b, c] = indices.map(|index| positions[index as usize]);
+    Triangle::new(a, b, c)
+}
+
+/// A triangle in a unit of 2 to the power of `exponent`.
+#[inline]
+pub(super) fn normalised(triangle: &Triangle, exponent: i32) -> Triangle {
+    let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
     Triangle::new(a, b, c)
 }
 
 /// Whether rays can hit a triangle.
 #[inline]
-fn is_kept(triangle: &Triangle) -> bool {
+pub(super) fn is_kept(triangle: &Triangle) -> bool {
     triangle.is_finite() && has_area(triangle)
 }
 
@@ -139,10 +146,6 @@ struct Part<'a> {
 
 impl Part<'_> {
     fn fill(self, positions: &[Vec3], normal_exponent: i32, scale_exponent: i32) {
-        let normalised = |triangle: &Triangle, exponent: i32| {
-            let [a, b, c] = triangle.vertices().map(|p| scaled(p, pow2(-exponent)));
-            Triangle::new(a, b, c)
-        };
         let all = self.triangles.len() == self.indices.len();
         let given = (self.first..).zip(self.indices).map(|(id, indices)| (id, corners(positions, indices)));
         let kept = given.filter(|(_, triangle)| all || is_kept(triangle));
@@ -156,20 +159,45 @@ impl Part<'_> {
     }
 }
 
+/// What a mesh is like.
+pub(super) struct Survey {
+    /// Of [`CHUNK`] triangles each.
+    parts: Vec<Census>,
+    all: Census,
+    pub primitive_count: u32,
+    /// Of the unit in which the largest coordinate is below 1, and of the one that loses no bit.
+    normal_exponent: i32,
+    pub scale_exponent: i32,
+}
+
+impl Survey {
+    /// Looks at a mesh and checks it.
+    pub(super) fn of(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Self, BuildError> {
+        let Mesh { positions, indices } = mesh;
+        let count = indices.len();
+        let primitive_count = u32::try_from(count).map_err(|_| BuildError::TooManyTriangles { triangles: count })?;
+        let chunks = (0..primitive_count).step_by(CHUNK).zip(indices.chunks(CHUNK));
+        let counted = each(chunks.collect(), |(first, indices)| Census::take(positions, first, indices));
+        let parts = counted.into_iter().collect::<Result<Vec<Census>, _>>()?;
+        let all = parts.iter().fold(Census::NOTHING, Census::with);
+        if let (InvalidTriangles::Refuse, Some(first)) = (invalid, all.first_invalid) {
+            return Err(BuildError::NotFinite { first, triangles: all.invalid });
+        }
+        let normal_exponent = exponent(all.largest.max_element());
+        let kept = || indices.iter().map(|indices| corners(positions, indices)).filter(is_kept);
+        let scale_exponent = lossless_exponent(normal_exponent, all.least.min_element(), kept);
+        Ok(Self { parts, all, primitive_count, normal_exponent, scale_exponent })
+    }
+
+    /// How many triangles rays can hit.
+    pub(super) const fn kept(&self) -> usize {
+        self.all.kept
+    }
+}
+
 pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gathered, BuildError> {
     let Mesh { positions, indices } = mesh;
-    let count = indices.len();
-    let primitive_count = u32::try_from(count).map_err(|_| BuildError::TooManyTriangles { triangles: count })?;
-    let chunks = || (0..primitive_count).step_by(CHUNK).zip(indices.chunks(CHUNK));
-    let counted = each(chunks().collect(), |(first, indices)| Census::take(positions, first, indices));
-    let parts = counted.into_iter().collect::<Result<Vec<Census>, _>>()?;
-    let all = parts.iter().fold(Census::NOTHING, Census::with);
-    if let (InvalidTriangles::Refuse, Some(first)) = (invalid, all.first_invalid) {
-        return Err(BuildError::NotFinite { first, triangles: all.invalid });
-    }
-    let normal_exponent = exponent(all.largest.max_element());
-    let kept = || indices.iter().map(|indices| corners(positions, indices)).filter(is_kept);
-    let scale_exponent = lossless_exponent(normal_exponent, all.least.min_element(), kept);
+    let Survey { parts, all, primitive_count, normal_exponent, scale_exponent } = Survey::of(mesh, invalid)?;
 
     let mut triangles = zeroed(all.kept, "the triangles")?;
     let mut primitives = zeroed(all.kept, "the ids of triangles")?;
@@ -177,7 +205,8 @@ pub(super) fn gather(mesh: Mesh<'_>, invalid: InvalidTriangles) -> Result<Gather
     let mut rests = (&mut triangles[..], &mut primitives[..], &mut references[..]);
     let mut before = 0;
     let mut jobs = reserved(parts.len(), "the parts of the mesh")?;
-    for ((first, indices), Census { kept, .. }) in chunks().zip(parts) {
+    let chunks = (0..primitive_count).step_by(CHUNK).zip(indices.chunks(CHUNK));
+    for ((first, indices), Census { kept, .. }) in chunks.zip(parts) {
         let (triangles, rest) = rests.0.split_at_mut(kept);
         rests.0 = rest;
         let (primitives, rest) = rests.1.split_at_mut(kept);

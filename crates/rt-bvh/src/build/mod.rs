@@ -2,13 +2,14 @@
 
 mod bounds;
 mod draft;
+mod fit;
 mod gather;
-mod parallel;
 mod ploc;
 mod refit;
 mod reinsert;
 mod sah;
 
+use crate::parallel::{self, each};
 use crate::{BuildOptions, Builder, Mesh};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -16,9 +17,10 @@ use bytemuck::Zeroable;
 use bytemuck::allocation::try_zeroed_vec;
 use core::fmt;
 use core::mem::take;
+use core::ops::Range;
+use fit::fit;
 use gather::{Gathered, Reference};
-use parallel::each;
-use rt_core::{Aabb, Child, Node, Scene, SceneError, SceneParts};
+use rt_core::{Node, Scene, SceneError, SceneParts};
 
 pub use refit::refit;
 
@@ -166,9 +168,6 @@ const CHUNK: usize = 1 << 13;
 fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
     let Gathered { triangles, primitives, .. } = gathered;
     let Tree { mut nodes, order } = tree;
-    if !gathered.exact_references {
-        fit(&mut nodes, &order, |i| triangles[i as usize].bounds());
-    }
     let mut in_order = zeroed(order.len(), "the triangles in the tree's order")?;
     let mut ids = zeroed(order.len(), "the ids of triangles")?;
     let places = in_order.chunks_mut(CHUNK).zip(ids.chunks_mut(CHUNK)).zip(order.chunks(CHUNK));
@@ -177,6 +176,9 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
             (*triangle, *id) = (triangles[i as usize], primitives[i as usize]);
         }
     });
+    if !gathered.exact_references {
+        fit(&mut nodes, &in_order);
+    }
     Scene::new(SceneParts {
         nodes,
         triangles: in_order,
@@ -184,26 +186,20 @@ fn finish(gathered: &Gathered, tree: Tree) -> Result<Scene, BuildError> {
         scale_exponent: gathered.scale_exponent,
         primitive_count: gathered.primitive_count,
     })
-    .map_err(|error| match error {
-        SceneError::OutOfMemory { bytes } => BuildError::OutOfMemory { what: "the check of the tree", bytes },
-        defect => BuildError::Scene(defect),
-    })
+    .map_err(faulty)
 }
 
-/// Fits all boxes to those of what is in the leaves.
-fn fit(nodes: &mut [Node], order: &[u32], bounds: impl Fn(u32) -> Aabb) {
-    // Children come after their parents.
-    for node in (0..nodes.len()).rev() {
-        for side in 0..2 {
-            nodes[node].bounds[side] = match nodes[node].child(side) {
-                Child::Absent => Aabb::EMPTY,
-                Child::Inner(child) => nodes[child as usize].bounds.iter().fold(Aabb::EMPTY, |all, b| all.union(*b)),
-                Child::Leaf { first, count } => {
-                    order[first as usize..][..count as usize].iter().fold(Aabb::EMPTY, |all, &i| all.union(bounds(i)))
-                }
-            };
-        }
+/// What was wrong with a tree when it was checked.
+const fn faulty(error: SceneError) -> BuildError {
+    match error {
+        SceneError::OutOfMemory { bytes } => BuildError::OutOfMemory { what: "the check of the tree", bytes },
+        defect => BuildError::Scene(defect),
     }
+}
+
+/// The numbers below `count` in ranges, each of which is one thread's.
+fn parts(count: usize) -> Vec<Range<usize>> {
+    (0..count).step_by(CHUNK).map(|first| first..count.min(first + CHUNK)).collect()
 }
 
 /// A scene and how it came about.

@@ -14,9 +14,9 @@
 use super::bounds::Bounds;
 use super::draft::{Branch, Draft};
 use super::gather::Reference;
-use super::parallel::{each, sort};
 use super::{BuildError, Control, Tree, filled, reinsert, reserved};
 use crate::PlocQuality;
+use crate::parallel::{each, sort};
 use alloc::vec::Vec;
 use glam::{DVec3, Vec4};
 

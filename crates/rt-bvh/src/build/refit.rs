@@ -1,14 +1,17 @@
 //! Fitting a tree to triangles that have moved.
 
-use super::{BuildError, Tree, filled, finish, gather, reserved};
+use super::gather::{Survey, corners, is_kept, normalised};
+use super::{BuildError, CHUNK, faulty, fit, parts, reserved, zeroed};
+use crate::parallel::each;
 use crate::{BuildOptions, Mesh};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
-use rt_core::Scene;
+use core::sync::atomic::{AtomicBool, Ordering};
+use rt_core::{MovedParts, Scene, Triangle};
 
-/// The scene of a mesh whose triangles have moved since `scene` was built of it: the same tree with boxes that fit.
-/// Hits are those of a tree built anew; how long they take depends on how far neighbours stayed together
-/// ([`TreeStats::sah_cost`](crate::TreeStats)).
+/// The scene of a mesh whose triangles have moved since `scene` was built of it: the same tree with boxes that fit
+/// ([`Scene::has_tree_of`]). Hits are those of a tree built anew; how long they take depends on how far neighbours
+/// stayed together ([`TreeStats::sah_cost`](crate::TreeStats)). With the feature `parallel` all cores work on it.
 ///
 /// `None` if the mesh cannot have that tree: another number of triangles, or one that could not be hit and now can, or
 /// the other way round.
@@ -17,27 +20,35 @@ use rt_core::Scene;
 /// As for [`build`](crate::build).
 pub fn refit(scene: &Scene, mesh: Mesh<'_>, options: &BuildOptions) -> Result<Option<Arc<Scene>>, BuildError> {
     let _environment = rt_fenv::Environment::enter();
-    let mut gathered = gather::gather(mesh, options.invalid)?;
-    // Its boxes are to come from the triangles.
-    gathered.exact_references = false;
-    let Some(order) = order_in(scene, &gathered)? else { return Ok(None) };
-    let mut nodes = reserved(scene.nodes().len(), "the nodes of the tree")?;
-    nodes.extend_from_slice(scene.nodes());
-    finish(&gathered, Tree { nodes, order }).map(|scene| Some(Arc::new(scene)))
+    let survey = Survey::of(mesh, options.invalid)?;
+    let Some(triangles) = moved(scene, mesh, &survey)? else { return Ok(None) };
+    let mut nodes = zeroed(scene.nodes().len(), "the nodes of the tree")?;
+    let copies = nodes.chunks_mut(CHUNK).zip(scene.nodes().chunks(CHUNK));
+    each(copies.collect(), |(to, from)| to.copy_from_slice(from));
+    fit(&mut nodes, &triangles);
+    let fitted = MovedParts { nodes, triangles, scale_exponent: survey.scale_exponent };
+    let scene = scene.moved(fitted, &|count, check| each(parts(count), check).into_iter().collect());
+    Ok(Some(Arc::new(scene.map_err(faulty)?)))
 }
 
-/// Where the triangles of a tree's leaves are among those gathered; `None` if they are others.
-fn order_in(scene: &Scene, gathered: &gather::Gathered) -> Result<Option<Vec<u32>>, BuildError> {
+/// The triangles of a tree's leaves where they are now; `None` if they are others.
+fn moved(scene: &Scene, mesh: Mesh<'_>, survey: &Survey) -> Result<Option<Vec<Triangle>>, BuildError> {
     let ids = scene.primitives();
-    if gathered.primitive_count != scene.primitive_count() || gathered.primitives.len() != ids.len() {
+    if survey.primitive_count != scene.primitive_count() || survey.kept() != ids.len() {
         return Ok(None);
     }
-    let mut places = filled(u32::MAX, scene.primitive_count() as usize, "the places of triangles")?;
-    for (place, &id) in (0..).zip(&gathered.primitives) {
-        places[id as usize] = place;
-    }
-    let mut order = reserved(ids.len(), "the order of triangles")?;
-    order.extend((0..ids.len()).map(|slot| places[ids.get(slot) as usize]));
-    // As many as there are places, and no two alike: one without a place is one too many elsewhere.
-    Ok((!order.contains(&u32::MAX)).then_some(order))
+    let mut seen = reserved(survey.primitive_count as usize, "the triangles that were found")?;
+    seen.resize_with(survey.primitive_count as usize, || AtomicBool::new(false));
+    let mut triangles = zeroed(ids.len(), "the triangles in the tree's order")?;
+    let places = triangles.chunks_mut(CHUNK).zip((0..).step_by(CHUNK));
+    let same = each(places.collect(), |(places, first)| {
+        (first..).zip(places).all(|(slot, place)| {
+            let id = ids.get(slot) as usize;
+            let triangle = corners(mesh.positions, &mesh.indices[id]);
+            *place = normalised(&triangle, survey.scale_exponent);
+            // As many ids as triangles that can be hit: if no two are alike, one that has none is one too many here.
+            is_kept(&triangle) && !seen[id].swap(true, Ordering::Relaxed)
+        })
+    });
+    Ok(same.into_iter().all(|same| same).then_some(triangles))
 }

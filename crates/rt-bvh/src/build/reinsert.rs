@@ -7,8 +7,8 @@
 
 use super::bounds::Bounds;
 use super::draft::{Branch, Draft, sibling};
-use super::parallel::each;
 use super::{BuildError, Control, filled, reserved};
+use crate::parallel::each;
 use alloc::vec::Vec;
 
 /// Most nodes visited for one that may be moved.

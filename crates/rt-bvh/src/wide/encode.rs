@@ -53,20 +53,11 @@ pub(super) fn places(entries: &[Entry]) -> Vec<u8> {
 /// The node with these children in these slots.
 pub(super) fn encode(entries: &[Entry], places: &[u8], first_node: u32, first_triangle: u32) -> WideNode {
     let mut node = WideNode { first_node, first_triangle, ..WideNode::EMPTY };
-    let whole = entries.iter().fold(Aabb::EMPTY, |all, entry| all.union(entry.bounds));
-    if entries.is_empty() {
-        return node;
+    let mut boxes = [None; WIDTH];
+    for (entry, &slot) in entries.iter().zip(places) {
+        boxes[slot as usize] = Some(entry.bounds);
     }
-    for axis in 0..3 {
-        let origin = whole.min[axis];
-        let exponent = exponent_for(origin, whole.max[axis]);
-        node.origin[axis] = origin.to_bits();
-        node.exponents[axis] = (exponent + 127) as u8;
-        for (entry, &slot) in entries.iter().zip(places) {
-            let [low, high] = steps(origin, exponent, [entry.bounds.min[axis], entry.bounds.max[axis]]);
-            (node.low[axis][slot as usize], node.high[axis][slot as usize]) = (low, high);
-        }
-    }
+    put_on_grid(&mut node, &boxes);
     let mut triangles = 0;
     for (entry, &slot) in entries.iter().zip(places) {
         let ones = (1_u8 << entry.triangles) - 1;
@@ -79,6 +70,25 @@ pub(super) fn encode(entries: &[Entry], places: &[u8], first_node: u32, first_tr
         triangles += entry.triangles as u8;
     }
     node
+}
+
+/// Makes a node's grid for the boxes in its slots, and puts them on it.
+pub(super) fn put_on_grid(node: &mut WideNode, boxes: &[Option<Aabb>; WIDTH]) {
+    let there = || (0..WIDTH).filter_map(|slot| Some((slot, boxes[slot]?)));
+    let whole = there().fold(Aabb::EMPTY, |all, (_, bounds)| all.union(bounds));
+    if whole.is_empty() {
+        return;
+    }
+    for axis in 0..3 {
+        let origin = whole.min[axis];
+        let exponent = exponent_for(origin, whole.max[axis]);
+        node.origin[axis] = origin.to_bits();
+        node.exponents[axis] = (exponent + 127) as u8;
+        for (slot, bounds) in there() {
+            let [low, high] = steps(origin, exponent, [bounds.min[axis], bounds.max[axis]]);
+            (node.low[axis][slot], node.high[axis][slot]) = (low, high);
+        }
+    }
 }
 
 /// Compares `x − origin` with `steps`, exactly.

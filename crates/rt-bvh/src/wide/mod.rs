@@ -15,8 +15,10 @@
 mod check;
 mod emit;
 mod encode;
+mod refit;
 
 pub use check::WideError;
+pub use refit::WideShape;
 
 use crate::collapse::{Costs, Plan, WIDTH};
 use alloc::vec::Vec;
@@ -181,10 +183,16 @@ impl WideTree {
         &self.slots
     }
 
-    /// The same, when nothing else is needed any more.
+    /// A copy of [`WideTree::into_shape`].
     #[must_use]
-    pub fn into_slots(self) -> Vec<u32> {
-        self.slots
+    pub fn shape(&self) -> WideShape {
+        WideShape { nodes: self.nodes.clone(), slots: self.slots.clone(), depth: self.depth }
+    }
+
+    /// What is to be kept to find triangles again, and to fit the tree to them when they have moved.
+    #[must_use]
+    pub fn into_shape(self) -> WideShape {
+        WideShape { nodes: self.nodes, slots: self.slots, depth: self.depth }
     }
 
     /// Most nodes on a path from the root, hence one more than the entries that a traversal stack can hold.

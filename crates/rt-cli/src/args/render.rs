@@ -44,6 +44,9 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_degrees, allow_hyphen_values = true,
           value_name = "DEGREES", requires = "frames")]
     pub(crate) orbit: Option<f32>,
+    /// Wind in the garden's trees, so that they move from frame to frame
+    #[arg(long, help_heading = heading::PICTURE, requires = "frames", conflicts_with = "broadcast")]
+    pub(crate) wind: bool,
     /// Key frames that the camera moves along, one in a line: frame, eye, target, up and field of view, separated by
     /// tabs, and coordinates by blanks
     #[arg(long, help_heading = heading::PICTURE, value_name = "FILE", requires = "frames",

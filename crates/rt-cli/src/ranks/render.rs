@@ -46,12 +46,12 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let tiles = cut(args, ranks)?;
     let mut relay = Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag()));
     let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
-    let Stage { devices, balancer, motion, renderer, begin_s, mut seconds } =
+    let Stage { devices, balancer, motion, mut renderer, mut animation, begin_s, mut seconds } =
         Stage::set(args, &scheduling.limits, source)?;
     let mut runs = Vec::new();
     let mut record = |traced: Traced<'_>| runs.push(traced.run);
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
-    let scene = fingerprint_of_scene(&renderer);
+    let mut scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
     let mut pictures = render::pictures(args, &renderer, &motion)?;
     // Only rank 0 knows which frames are whole; to the others their tiles are finished before they begin.
@@ -61,6 +61,9 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
     for frame in args.frames.range() {
+        if animation.show(frame, &mut renderer, &mut session)? {
+            scene = fingerprint_of_scene(&renderer);
+        }
         let paths = renderer.paths(motion.camera(frame)?, frame);
         let count = u32::try_from(tiles.count())?;
         let is_whole = is_first && !missing.contains(&frame);
@@ -124,6 +127,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             return Ok(is_complete);
         }
         seconds.write += pictures.seconds;
+        seconds.add_updates(animation.updates());
         seconds.total = start.elapsed().as_secs_f64();
         let heard: Vec<Heard> = heard.into_iter().flatten().collect();
         let timelines = Timeline::together(timeline, begin_s, &heard);
@@ -137,6 +141,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             policy: scheduling.policy_name(),
             streams: runs.into_iter().map(|run| run.report).collect(),
             headline: Headline::of_processes(&reports),
+            updates: animation.updates().to_vec(),
             cluster: reports,
             seconds,
         };
@@ -147,6 +152,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             let width = terminal::columns();
             write!(Stdout, "{}", terminal::scene(&report, width))?;
             writeln!(Stdout, "\n{}", terminal::ranks(&report.cluster, width).trim_end())?;
+            write!(Stdout, "{}", terminal::updates(&report, width))?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
             writeln!(Stdout, "  written to {}: image, trace.json, report.json", args.out.display())?;
             write!(Stdout, "\n{}", terminal::headline(&report, width))?;
@@ -164,7 +170,7 @@ fn source(
     let begin = Instant::now();
     if args.broadcast && relay.rank() > 0 {
         let (subject, view) = Subject::receive(relay)?;
-        return Ok((Source { subject, view, took_s: [begin.elapsed().as_secs_f64(), 0.0] }, None));
+        return Ok((Source { subject, view, took_s: [begin.elapsed().as_secs_f64(), 0.0], wind: None }, None));
     }
     let prepared = Source::prepare(args, outputs);
     match &prepared {

@@ -15,7 +15,6 @@ pub use surface::{GREATEST_EXPONENT, LEAST_EXPONENT, Surface};
 use crate::{Hit, Ray, Scene, Triangle, random, scale};
 use alloc::sync::Arc;
 use alloc::vec;
-use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
@@ -24,7 +23,7 @@ use glam::Vec3;
 pub struct Surfaces {
     scene: Arc<Scene>,
     /// For each primitive its slot in leaf order; [`u32::MAX`] where it has none.
-    slots: Vec<u32>,
+    slots: Arc<[u32]>,
 }
 
 impl Surfaces {
@@ -36,7 +35,16 @@ impl Surfaces {
             // A scene's ids are below their number, and its triangles can be numbered in 32 bits.
             slots[scene.primitives().get(slot) as usize] = slot as u32;
         }
-        Self { scene, slots }
+        Self { scene, slots: slots.into() }
+    }
+
+    /// Those of a scene that may have moved from this one: quicker than anew, if it has.
+    #[must_use]
+    pub fn moved(&self, scene: Arc<Scene>) -> Self {
+        if !scene.has_tree_of(&self.scene) {
+            return Self::new(scene);
+        }
+        Self { scene, slots: Arc::clone(&self.slots) }
     }
 
     /// The scene.

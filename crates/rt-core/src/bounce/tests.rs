@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{Aabb, Child, Node, SceneParts};
+use alloc::vec::Vec;
 use glam::DVec3;
 
 fn unit_vector(i: u32) -> Vec3 {

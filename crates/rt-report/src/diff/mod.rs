@@ -69,13 +69,14 @@ pub struct Row {
 }
 
 /// What must be the same for seconds to be comparable: what it is called, and where it is told.
-const SAME: [(&str, &[&str]); 9] = [
+const SAME: [(&str, &[&str]); 10] = [
     ("scene", &["scene.source"]),
     ("number of triangles", &["scene.triangles"]),
     ("size", &["size", "picture.size"]),
     ("rays a pixel", &["samples", "picture.samples"]),
     ("bounces", &["bounces", "picture.bounces"]),
     ("frames", &["picture.frames"]),
+    ("wind", &["picture.wind"]),
     ("seed", &["provenance.seed"]),
     ("camera", &["camera", "picture.camera"]),
     ("precision", &["scene.precision"]),
@@ -94,8 +95,19 @@ const FREE: [(&str, &[&str]); 8] = [
 ];
 
 /// Wall seconds by what was done, in the order in which it is done.
-const STAGES: [&str; 10] =
-    ["load", "build", "setup", "estimate", "trace", "reference", "unused_estimate", "shade", "write", "total"];
+const STAGES: [&str; 11] = [
+    "load",
+    "build",
+    "setup",
+    "update",
+    "estimate",
+    "trace",
+    "reference",
+    "unused_estimate",
+    "shade",
+    "write",
+    "total",
+];
 
 impl Diff {
     /// Reads both files.

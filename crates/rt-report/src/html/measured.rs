@@ -94,6 +94,10 @@ pub(super) fn add_to(page: &mut Page, report: &Report, runs: &[StreamRun]) -> Re
     page.section("Devices");
     page.table("What each device did, over all streams", &table::device_table(runs));
     table::device_remarks(runs).iter().for_each(|remark| page.paragraph(remark));
+    if !report.updates.is_empty() {
+        page.section("Moving geometry");
+        page.table("How the scene was brought up to date before each frame", &table::update_table(&report.updates));
+    }
     describe(page, report);
     Ok(())
 }

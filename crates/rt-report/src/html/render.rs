@@ -61,14 +61,16 @@ fn describe(page: &mut Page, picture: &PictureReport) {
         frames,
         degrees_per_frame,
         camera_path,
+        wind,
         seed,
         camera,
         ..
     } = picture;
     let of = if samples < samples_asked { format!(" of {samples_asked}") } else { String::new() };
+    let wind = if *wind { ", in the wind" } else { "" };
     let turn = match camera_path {
-        Some(file) => format!("; {frames} frames along `{file}`"),
-        None if *frames > 1 => format!("; {frames} frames, {degrees_per_frame}° apart"),
+        Some(file) => format!("; {frames} frames along `{file}`{wind}"),
+        None if *frames > 1 => format!("; {frames} frames, {degrees_per_frame}° apart{wind}"),
         None => String::new(),
     };
     page.paragraph(&format!(

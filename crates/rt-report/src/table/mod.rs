@@ -2,10 +2,13 @@
 
 mod ranks;
 mod runs;
+mod updates;
 
 pub use ranks::{lost_ranks, rank_table};
+use runs::MOST_ROWS;
 pub(crate) use runs::longest;
 pub use runs::{device_remarks, device_table, meaning, reasons, stream_table};
+pub use updates::update_table;
 
 use std::fmt::Write;
 

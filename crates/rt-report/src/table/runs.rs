@@ -65,7 +65,7 @@ pub fn stream_table(runs: &[StreamRun]) -> Table {
 }
 
 /// Most rows of a table: more than that nobody reads. The longest are kept.
-const MOST_ROWS: usize = 64;
+pub(super) const MOST_ROWS: usize = 64;
 
 /// The streams of one kind and frame: its passes, and waves.
 struct Group<'a> {
@@ -306,6 +306,12 @@ pub fn meaning(head: &str) -> Option<&'static str> {
         ("in kernels", "share of its seconds that the device computed; the rest is hand-over"),
         ("launches", "how often the device was given tasks"),
         ("finished on CPU", "rays that a graphics card left to the host, since it could not be certain of them"),
+        ("tree", "whether its boxes were fitted to the triangles that had moved, or it was built anew"),
+        ("its cost", "what a ray is expected to pay in the fitted tree, against the tree that was built"),
+        ("move", "seconds of finding out where the triangles are"),
+        ("fit", "seconds of fitting the boxes, or of finding out that they cannot be"),
+        ("build", "seconds of building another tree"),
+        ("to devices", "seconds until all devices had the scene"),
         ("model error", "what the device's prices leave unexplained of the measured times"),
     ];
     meanings.into_iter().find(|(name, _)| *name == head).map(|(_, meaning)| meaning)

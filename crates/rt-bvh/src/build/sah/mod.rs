@@ -12,8 +12,8 @@ mod binning;
 mod range;
 
 use super::gather::Reference;
-use super::parallel::each;
 use super::{BuildError, Control, Tree, reserve, reserved, zeroed};
+use crate::parallel::each;
 use alloc::vec::Vec;
 use binning::Chunks;
 use core::mem::take;

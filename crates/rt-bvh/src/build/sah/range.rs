@@ -2,8 +2,8 @@
 
 use super::super::bounds::Bounds;
 use super::super::gather::Reference;
-use super::super::parallel::each;
 use super::binning::{BINS, Binning, Bins, CHUNK, Chunks, Split};
+use crate::parallel::each;
 use crate::stats::{NODE_COST, TRIANGLE_COST};
 use alloc::vec::Vec;
 use rt_core::MAX_DEPTH;

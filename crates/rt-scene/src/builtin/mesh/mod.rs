@@ -11,9 +11,10 @@ pub(super) use dice::Dice;
 pub(super) use frame::{Frame, bump, circle, smooth};
 pub(super) use palette::{Colour, Palette};
 
-use crate::{Model, View};
+use crate::{Model, Plant, View};
 use glam::Vec3;
 use std::f32::consts::TAU;
+use std::ops::Range;
 
 /// Triangles with colours.
 #[derive(Clone, Debug, Default)]
@@ -24,6 +25,8 @@ pub(super) struct Mesh {
     pub(in crate::builtin) indices: Vec<[u32; 3]>,
     /// Palette index of each triangle.
     pub(in crate::builtin) colour_of: Vec<u16>,
+    /// Triangles that bend in the wind together and share no vertex with others, and where they stand.
+    plants: Vec<(Range<usize>, Vec3)>,
 }
 
 impl Mesh {
@@ -47,6 +50,11 @@ impl Mesh {
         }
     }
 
+    /// The triangles from number `first` on are a plant that stands at `foot`.
+    pub(in crate::builtin) fn plant(&mut self, first: usize, foot: Vec3) {
+        self.plants.push((first..self.len(), foot));
+    }
+
     /// Adds a convex polygon as a fan around its first corner.
     pub(in crate::builtin) fn face(&mut self, corners: &[Vec3], colour: Colour) {
         let first = self.positions.len() as u32;
@@ -58,8 +66,10 @@ impl Mesh {
 
     /// Adds a mapped copy of another mesh.
     pub(in crate::builtin) fn append(&mut self, other: &Self, frame: &Frame) {
-        let first = self.positions.len() as u32;
+        let (first, before) = (self.positions.len() as u32, self.len());
         self.positions.extend(other.positions.iter().map(|&p| frame.point(p)));
+        let plants = other.plants.iter().map(|(own, foot)| (own.start + before..own.end + before, frame.point(*foot)));
+        self.plants.extend(plants);
         let flip = frame.mirrors();
         self.indices.extend(other.indices.iter().map(|&[a, b, c]| {
             let [b, c] = if flip { [c, b] } else { [b, c] };
@@ -80,11 +90,19 @@ impl Mesh {
             }
             *slot
         };
-        let indices = self.indices.iter().map(|corners| corners.map(&mut move_vertex)).collect();
+        let indices: Vec<[u32; 3]> = self.indices.iter().map(|corners| corners.map(&mut move_vertex)).collect();
+        // Vertices are in the order in which triangles use them first, so a plant's lie together.
+        let vertices = |triangles: Range<usize>| {
+            let used = || indices[triangles.clone()].iter().flatten().map(|&vertex| vertex as usize);
+            used().min().unwrap_or(0)..used().max().map_or(0, |last| last + 1)
+        };
+        let plants = self.plants.iter().map(|(own, foot)| Plant { vertices: vertices(own.clone()), foot: *foot });
+        let plants = plants.collect();
         Model {
             source: source.into(),
             positions,
             indices,
+            plants,
             palette: palette.into_colours(),
             colour_of: self.colour_of,
             view: Some(view),

@@ -40,6 +40,7 @@ const TWIG_STEPS: u32 = 2;
 
 /// Adds a tree that stands at `foot`.
 pub(super) fn tree(mesh: &mut Mesh, habit: &Habit<'_>, foot: Vec3, seed: u32) {
+    let first_triangle = mesh.len();
     let mut grower = Grower { mesh, habit, dice: Dice::new(seed), twigs: Vec::new() };
     // The trunk starts a little below the lawn, so that no gap shows where the ground is uneven.
     let start = foot - Vec3::Y * 0.05;
@@ -53,6 +54,7 @@ pub(super) fn tree(mesh: &mut Mesh, habit: &Habit<'_>, foot: Vec3, seed: u32) {
         let length = habit.leaf * dice.between(0.7, 1.25);
         loose_leaf(mesh, &mut dice, twig + offset, offset, length, colour);
     }
+    mesh.plant(first_triangle, foot);
 }
 
 /// A tree that is growing.

@@ -4,7 +4,7 @@
 use alloc::vec::Vec;
 
 /// Does `work` on every item; results are in the items' order.
-pub(super) fn each<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+pub(crate) fn each<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
     #[cfg(feature = "parallel")]
     if items.len() > 1 && threads() > 1 {
         use rayon::iter::{IntoParallelIterator, ParallelIterator};
@@ -19,7 +19,7 @@ pub(super) fn each<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync
 }
 
 /// Sorts entries that are all different.
-pub(super) fn sort<T: Ord + Send>(entries: &mut [T]) {
+pub(crate) fn sort<T: Ord + Send>(entries: &mut [T]) {
     #[cfg(feature = "parallel")]
     if threads() > 1 {
         return rayon::slice::ParallelSliceMut::par_sort_unstable(entries);
@@ -29,7 +29,7 @@ pub(super) fn sort<T: Ord + Send>(entries: &mut [T]) {
 
 /// How many threads there are for that.
 #[cfg(feature = "parallel")]
-pub(super) fn threads() -> usize {
+pub(crate) fn threads() -> usize {
     extern crate std;
     // Rayon panics where its threads cannot be started (a limit of threads or memory), unless it is asked like this.
     static POOL: std::sync::LazyLock<bool> = std::sync::LazyLock::new(|| {
@@ -44,6 +44,6 @@ pub(super) fn threads() -> usize {
 
 /// How many threads there are for that.
 #[cfg(not(feature = "parallel"))]
-pub(super) const fn threads() -> usize {
+pub(crate) const fn threads() -> usize {
     1
 }
