@@ -42,9 +42,11 @@ pub(crate) trait Work {
 impl Found {
     /// Traces a batch.
     pub(crate) fn trace(self, batch: Batch<'_>) {
-        match batch.query {
-            Query::Closest => self.run(Tracing::<false>(batch)),
-            Query::Any => self.run(Tracing::<true>(batch)),
+        match (batch.query, batch.scattered) {
+            (Query::Closest, false) => self.run(Tracing::<false, false>(batch)),
+            (Query::Closest, true) => self.run(Tracing::<false, true>(batch)),
+            (Query::Any, false) => self.run(Tracing::<true, false>(batch)),
+            (Query::Any, true) => self.run(Tracing::<true, true>(batch)),
         }
     }
 
@@ -144,21 +146,21 @@ impl Loops for Facing<'_> {
     }
 }
 
-/// A batch, by its query.
-struct Tracing<'a, const ANY: bool>(Batch<'a>);
+/// A batch, by its query and by whether its rays are scattered.
+struct Tracing<'a, const ANY: bool, const SCATTERED: bool>(Batch<'a>);
 
-impl<const ANY: bool> Work for Tracing<'_, ANY> {
+impl<const ANY: bool, const SCATTERED: bool> Work for Tracing<'_, ANY, SCATTERED> {
     // Inlined, as all below, so that it is compiled for the instructions of its caller.
     #[inline(always)]
     fn run<L: Level>(self, level: L) {
-        self.0.trace::<L, ANY>(level);
+        self.0.trace::<L, ANY, SCATTERED>(level);
     }
 }
 
 impl Batch<'_> {
     #[inline(always)]
-    fn trace<L: Level, const ANY: bool>(self, level: L) {
-        let Self { tree, frame, packet, few, scattered, query, mut excluded, .. } = self;
+    fn trace<L: Level, const ANY: bool, const SCATTERED: bool>(self, level: L) {
+        let Self { tree, frame, packet, few, query, mut excluded, .. } = self;
         let mut next = self.rays.chunks(RAYS).skip(1);
         for (rays, hits) in self.rays.chunks(RAYS).zip(self.hits.chunks_mut(RAYS)) {
             // What a caller has in memory is seldom in the cache.
@@ -167,7 +169,7 @@ impl Batch<'_> {
             let (own, others) = excluded.split_at(excluded.len().min(rays.len()));
             excluded = others;
             let mut extreme = fill(level, frame, &mut packet.groups, rays, own);
-            packet.trace::<L, ANY>(level, tree, frame, rays, (few, scattered));
+            packet.trace::<L, ANY, SCATTERED>(level, tree, frame, rays, few);
             for (group, hits) in packet.groups.iter().zip(hits.chunks_mut(LANES)) {
                 group.write(level, hits);
             }

@@ -41,16 +41,16 @@ impl Packet {
     }
 
     /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left
-    /// to enter a node, they go on alone; rays that are `scattered` soon leave each other. The nearest hits, or with
+    /// to enter a node, they go on alone; rays that are `SCATTERED` soon leave each other. The nearest hits, or with
     /// `ANY` whichever are found first, are in the groups.
     #[inline(always)]
-    pub(crate) fn trace<L: Level, const ANY: bool>(
+    pub(crate) fn trace<L: Level, const ANY: bool, const SCATTERED: bool>(
         &mut self,
         level: L,
         tree: &BlockTree,
         frame: &Frame,
         rays: &[Ray],
-        (few, scattered): (u32, bool),
+        few: u32,
     ) {
         let Self { groups, stack } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
@@ -72,8 +72,8 @@ impl Packet {
                 continue;
             }
             let frustum = Frustum::around(level, groups, &open, octant);
-            let mut walk = Walk { tree, far, frame, rays, few, scattered, groups, open, octant };
-            walk.run::<L, ANY>(level, frustum, stack);
+            let mut walk = Walk { tree, far, frame, rays, few, groups, open, octant };
+            walk.run::<L, ANY, SCATTERED>(level, frustum, stack);
         }
     }
 }
@@ -143,7 +143,6 @@ struct Walk<'a> {
     /// As given.
     rays: &'a [Ray],
     few: u32,
-    scattered: bool,
     groups: &'a mut [Group],
     /// Rays that go on, by group.
     open: [Set; GROUPS],
@@ -152,7 +151,12 @@ struct Walk<'a> {
 
 impl Walk<'_> {
     #[inline(always)]
-    fn run<L: Level, const ANY: bool>(&mut self, level: L, mut frustum: Frustum, stack: &mut Stack) {
+    fn run<L: Level, const ANY: bool, const SCATTERED: bool>(
+        &mut self,
+        level: L,
+        mut frustum: Frustum,
+        stack: &mut Stack,
+    ) {
         stack.cut(0);
         stack.push(frustum.begin(), 0, joined(&self.open));
         while stack.len() > 0 {
@@ -171,7 +175,8 @@ impl Walk<'_> {
             }
             match BlockChild::of(child) {
                 BlockChild::Node(index) => {
-                    self.node::<L, ANY>(level, &frustum, &self.tree.nodes()[index as usize], rays, stack)
+                    let node = &self.tree.nodes()[index as usize];
+                    self.node::<L, ANY, SCATTERED>(level, &frustum, node, rays, stack);
                 }
                 BlockChild::Block { index, count } => {
                     if self.block::<L, ANY>(level, &self.tree.blocks()[index as usize], count, rays) {
@@ -185,7 +190,7 @@ impl Walk<'_> {
 
     /// Puts on the stack which children which rays enter.
     #[inline(always)]
-    fn node<L: Level, const ANY: bool>(
+    fn node<L: Level, const ANY: bool, const SCATTERED: bool>(
         &self,
         level: L,
         frustum: &Frustum,
@@ -214,7 +219,8 @@ impl Walk<'_> {
             if some == 0 {
                 continue;
             }
-            if self.scattered && is_for_each(some, count) {
+            // Coherent rays, which are seldom few, are spared the question and what it keeps in words.
+            if SCATTERED && is_for_each(some, count) {
                 by_slot = enter_each(level, (group, LANES * i), self.octant, planes, some, by_slot);
             } else {
                 let slabs = Slabs::of(level, group, self.octant);
@@ -228,7 +234,9 @@ impl Walk<'_> {
             }
         }
         let mut each = [0; 8];
-        by_slot.store(&mut each);
+        if SCATTERED {
+            by_slot.store(&mut each);
+        }
         for j in 0..count {
             let rays = entered[j & 7] | each[numbers[j & 7] as usize & 7];
             stack.push_if(rays != 0, entries[j & 7], child(j), rays);
