@@ -1,10 +1,13 @@
 //! A scene as kernels read it: a two-wide bounding volume hierarchy over triangles in leaf order.
 
+mod check;
+
 use crate::{Aabb, Triangle};
 use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
 use bytemuck::{Pod, Zeroable};
+use check::{check_moved, check_tree};
 use core::fmt;
 use core::ops::{Range, RangeInclusive};
 
@@ -218,6 +221,17 @@ impl Scene {
         Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape })
     }
 
+    /// For each primitive its slot in leaf order; [`u32::MAX`] where it has none.
+    #[must_use]
+    pub fn slots(&self) -> Vec<u32> {
+        let mut slots = vec![u32::MAX; self.primitive_count as usize];
+        for slot in 0..self.primitives.len() {
+            // Ids are below the number of primitives, and triangles can be numbered in 32 bits.
+            slots[self.primitives.get(slot) as usize] = slot as u32;
+        }
+        slots
+    }
+
     /// Whether one of both is [`Scene::moved`] from the other, or both from a third: they have the same tree with the
     /// same ids in its leaves, over triangles that may be elsewhere.
     #[must_use]
@@ -275,86 +289,6 @@ impl Scene {
         let ids = self.primitives.len() as u64 * u64::from(self.primitives.bits() / 8);
         size_of_val(&self.nodes[..]) as u64 + size_of_val(&self.triangles[..]) as u64 + ids
     }
-}
-
-/// Walks the tree without recursion, returns its depth.
-fn check_tree(nodes: &[Node], triangles: &[Triangle]) -> Result<u32, SceneError> {
-    let mut node_seen = unseen(nodes.len())?;
-    let mut slot_seen = unseen(triangles.len())?;
-    let mut deepest = 0;
-    let mut open = vec![(0_u32, 1_u32, None::<Aabb>)];
-    while let Some((index, depth, within)) = open.pop() {
-        let node = nodes.get(index as usize).ok_or(SceneError::NodeIndex { index })?;
-        if core::mem::replace(&mut node_seen[index as usize], true) {
-            return Err(SceneError::NodeIndex { index });
-        }
-        if depth > MAX_DEPTH {
-            return Err(SceneError::TooDeep);
-        }
-        deepest = deepest.max(depth);
-        for side in 0..2 {
-            let bounds = node.bounds[side];
-            if within.is_some_and(|outer| !outer.contains(&bounds)) {
-                return Err(SceneError::Bounds { node: index });
-            }
-            match node.child(side) {
-                Child::Absent if index == 0 && bounds.is_empty() => {}
-                Child::Absent => return Err(SceneError::NodeIndex { index }),
-                Child::Inner(child) if child > index => open.push((child, depth + 1, Some(bounds))),
-                Child::Inner(child) => return Err(SceneError::NodeIndex { index: child }),
-                Child::Leaf { first, count } => {
-                    let range = first as usize..first as usize + count as usize;
-                    let leaf = triangles.get(range.clone()).ok_or(SceneError::LeafRange { node: index })?;
-                    for (triangle, seen) in leaf.iter().zip(&mut slot_seen[range]) {
-                        if core::mem::replace(seen, true) {
-                            return Err(SceneError::LeafRange { node: index });
-                        }
-                        if !triangle.is_finite() || !bounds.contains(&triangle.bounds()) {
-                            return Err(SceneError::Bounds { node: index });
-                        }
-                    }
-                }
-            }
-        }
-    }
-    if let Some(index) = node_seen.iter().position(|&seen| !seen) {
-        return Err(SceneError::NodeIndex { index: index as u32 });
-    }
-    match slot_seen.iter().position(|&seen| !seen) {
-        Some(slot) => Err(SceneError::LostTriangle { slot }),
-        None => Ok(deepest),
-    }
-}
-
-/// Checks a range of nodes that lead where others do, which were checked.
-fn check_moved(before: &[Node], nodes: &[Node], triangles: &[Triangle], range: Range<usize>) -> Result<(), SceneError> {
-    for index in range {
-        let (node, known) = (&nodes[index], &before[index]);
-        if (node.child, node.count) != (known.child, known.count) {
-            return Err(SceneError::NodeIndex { index: index as u32 });
-        }
-        for side in 0..2 {
-            let bounds = node.bounds[side];
-            let fits = match node.child(side) {
-                Child::Absent => bounds.is_empty(),
-                Child::Inner(child) => nodes[child as usize].bounds.iter().all(|below| bounds.contains(below)),
-                Child::Leaf { first, count } => triangles[first as usize..][..count as usize]
-                    .iter()
-                    .all(|triangle| triangle.is_finite() && bounds.contains(&triangle.bounds())),
-            };
-            if !fits {
-                return Err(SceneError::Bounds { node: index as u32 });
-            }
-        }
-    }
-    Ok(())
-}
-
-fn unseen(count: usize) -> Result<Vec<bool>, SceneError> {
-    let mut seen = Vec::new();
-    seen.try_reserve_exact(count).map_err(|_| SceneError::OutOfMemory { bytes: count as u64 })?;
-    seen.resize(count, false);
-    Ok(seen)
 }
 
 /// Why [`Scene::new`] refused its parts: but for memory always a defect of the builder, never of the caller's mesh.

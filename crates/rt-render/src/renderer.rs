@@ -298,65 +298,55 @@ impl Renderer<'_> {
     }
 
     fn add_misses(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
-        radiance.add_all(
-            hits.len(),
-            |i| seen.path(i),
-            |rays, lit| {
-                let mut window = Window::new();
-                for rays in windows(rays).filter(|rays| hits[rays.clone()].iter().any(|hit| !hit.is_hit())) {
-                    let made = window.make(&seen.stream.source, &rays);
-                    for (i, ray) in rays.zip(made).filter(|(i, _)| !hits[*i].is_hit()) {
-                        seen.light(lit, i, self.light.sky(ray.direction));
-                    }
+        seen.add(radiance, hits.len(), |rays, lit| {
+            let mut window = Window::new();
+            for rays in windows_that_miss(rays, hits) {
+                let made = window.make(&seen.stream.source, &rays);
+                for (i, ray) in rays.zip(made).filter(|(i, _)| !hits[*i].is_hit()) {
+                    seen.light(lit, i, self.light.sky(ray.direction));
                 }
-            },
-        );
+            }
+        });
     }
 
     fn add_sunlight(&self, seen: &Seen<'_>, blocked: &[Hit], radiance: &mut Radiance) {
         let departures = seen.stream.departures();
-        radiance.add_all(
-            blocked.len(),
-            |i| seen.path(i),
-            |rays, lit| {
-                let mut window = Window::new();
-                for rays in windows(rays).filter(|rays| blocked[rays.clone()].iter().any(|hit| !hit.is_hit())) {
-                    let normals = window.normals(&self.surfaces, &departures[rays.clone()]);
-                    for (i, normal) in rays.zip(normals).filter(|(i, _)| !blocked[*i].is_hit()) {
-                        let from = &departures[i];
-                        let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
-                        seen.light(lit, i, self.colours.of(from.primitive) * self.light.sunlight(facing));
-                    }
+        seen.add(radiance, blocked.len(), |rays, lit| {
+            let mut window = Window::new();
+            for rays in windows_that_miss(rays, blocked) {
+                let normals = window.normals(&self.surfaces, &departures[rays.clone()]);
+                for (i, normal) in rays.zip(normals).filter(|(i, _)| !blocked[*i].is_hit()) {
+                    let from = &departures[i];
+                    let facing = normal.dot(self.light.sun.direction()) * if from.is_behind() { -1.0 } else { 1.0 };
+                    seen.light(lit, i, self.colours.of(from.primitive) * self.light.sunlight(facing));
                 }
-            },
-        );
+            }
+        });
     }
 
     fn add_fill(&self, seen: &Seen<'_>, hits: &[Hit], radiance: &mut Radiance) {
-        radiance.add_all(
-            hits.len(),
-            |i| seen.path(i),
-            |rays, lit| {
-                for i in rays.filter(|&i| hits[i].is_hit()) {
-                    let hit = &hits[i];
-                    // Only directions of camera rays have any length.
-                    let length = match &seen.stream.source {
-                        RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
-                        _ => 1.0,
-                    };
-                    seen.light(lit, i, self.colours.of(hit.primitive) * self.light.fill(hit.t * length));
-                }
-            },
-        );
+        seen.add(radiance, hits.len(), |rays, lit| {
+            for i in rays.filter(|&i| hits[i].is_hit()) {
+                let hit = &hits[i];
+                // Only directions of camera rays have any length.
+                let length = match &seen.stream.source {
+                    RaySource::Camera(rays) => rays.ray(i as u32).direction.length(),
+                    _ => 1.0,
+                };
+                seen.light(lit, i, self.colours.of(hit.primitive) * self.light.fill(hit.t * length));
+            }
+        });
     }
 }
 
 /// Rays that are shaded together.
 const WINDOW: usize = 256;
 
-fn windows(rays: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+/// Those of some rays, where one of them misses.
+fn windows_that_miss(rays: Range<usize>, hits: &[Hit]) -> impl Iterator<Item = Range<usize>> {
     let end = rays.end;
-    rays.step_by(WINDOW).map(move |first| first..end.min(first + WINDOW))
+    let windows = rays.step_by(WINDOW).map(move |first| first..end.min(first + WINDOW));
+    windows.filter(|rays| hits[rays.clone()].iter().any(|hit| !hit.is_hit()))
 }
 
 /// What is made of the rays of a window, many at a time.
@@ -401,6 +391,11 @@ impl Seen<'_> {
     fn path(&self, i: usize) -> usize {
         let Part { samples, paths, .. } = self.part;
         samples.place(self.stream.path(i as u32), paths.samples) as usize
+    }
+
+    /// Adds what `shade` finds for each of so many rays, on all cores.
+    fn add(&self, radiance: &mut Radiance, count: usize, shade: impl Fn(Range<usize>, &mut Lit<'_>) + Sync) {
+        radiance.add_all(count, |i| self.path(i), shade);
     }
 
     /// Adds light that comes along ray `i`.

@@ -6,7 +6,6 @@ use super::{BLOCK, Block, BlockChild, BlockNode, BlockTree};
 use crate::collapse::WIDTH;
 use crate::parallel::each;
 use alloc::sync::Arc;
-use alloc::vec;
 use alloc::vec::Vec;
 use bytemuck::allocation::zeroed_vec;
 use rt_core::Scene;
@@ -70,10 +69,7 @@ impl BlockTree {
 
 /// Where the triangles of blocks are in a scene's leaf order; `None` where one is not there.
 fn slots_of(blocks: &[Block], scene: &Scene) -> Option<Arc<[[u32; BLOCK]]>> {
-    let mut places = vec![u32::MAX; scene.primitive_count() as usize];
-    for slot in 0..scene.triangles().len() {
-        places[scene.primitives().get(slot) as usize] = slot as u32;
-    }
+    let places = scene.slots();
     let of = |block: &Block| {
         let mut slots = block.ids();
         for slot in &mut slots {

@@ -14,7 +14,6 @@ pub use surface::{GREATEST_EXPONENT, LEAST_EXPONENT, Surface};
 
 use crate::{Hit, Ray, Scene, Triangle, random, scale};
 use alloc::sync::Arc;
-use alloc::vec;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
@@ -22,7 +21,7 @@ use glam::Vec3;
 #[derive(Debug)]
 pub struct Surfaces {
     scene: Arc<Scene>,
-    /// For each primitive its slot in leaf order; [`u32::MAX`] where it has none.
+    /// [`Scene::slots`].
     slots: Arc<[u32]>,
 }
 
@@ -30,12 +29,8 @@ impl Surfaces {
     /// Those of `scene`: 4 bytes for each triangle.
     #[must_use]
     pub fn new(scene: Arc<Scene>) -> Self {
-        let mut slots = vec![u32::MAX; scene.primitive_count() as usize];
-        for slot in 0..scene.primitives().len() {
-            // A scene's ids are below their number, and its triangles can be numbered in 32 bits.
-            slots[scene.primitives().get(slot) as usize] = slot as u32;
-        }
-        Self { scene, slots: slots.into() }
+        let slots = scene.slots().into();
+        Self { scene, slots }
     }
 
     /// Those of a scene that may have moved from this one: quicker than anew, if it has.

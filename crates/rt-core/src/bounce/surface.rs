@@ -130,12 +130,6 @@ impl Surface {
         let near_zero = rounded.abs().cmplt(Vec3::splat(LEAST_COORDINATE));
         Vec3::select(near_zero, Vec3::ZERO, rounded)
     }
-
-    /// Whether coordinates of its points may be beyond single precision.
-    #[must_use]
-    pub const fn may_overflow(&self) -> bool {
-        self.exponent > GREATEST_EXPONENT
-    }
 }
 
 /// The largest coordinate's magnitude.

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{Aabb, Child, Node, SceneParts};
+use alloc::vec;
 use alloc::vec::Vec;
 use glam::DVec3;
 
