@@ -3,21 +3,21 @@
 use crate::args::RenderArgs;
 use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
-use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
-use crate::{chart, html, interrupt, output, progress, ranks, scene};
+use crate::report::{Ahead, CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
+use crate::{html, interrupt, output, progress, ranks, scene};
 use anyhow::Result;
 use glam::DVec3;
-use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_cluster::Shard;
 use rt_core::Device;
 use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
-use rt_report::chart::cost::{self, CostMap, CostMaps};
+use rt_report::chart::cost::CostMaps;
 use rt_report::headline::Headline;
-use rt_report::pictures::{Part, Pictures};
+use rt_report::pictures::{Part, Pictures, Shot};
 use rt_report::print::{Stdout, note};
+use rt_report::results;
 use rt_report::usage::{OrUsage, usage};
-use rt_report::{Provenance, recipe, tasks, terminal};
+use rt_report::{Provenance, recipe, terminal};
 use rt_scene::camera::{CameraMotion, CameraPath};
 use rt_scene::wind::Wind;
 use rt_scene::{Model, View};
@@ -25,25 +25,18 @@ use std::cell::Cell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
-
-/// What is written beside pictures, and what it is.
-const FILES: [(&str, &str); 6] = [
-    ("cost.png", "estimated beside measured cost of each part of the picture"),
-    ("timeline.svg", "what each device did when"),
-    ("trace.json", "the same for Perfetto or chrome://tracing, to zoom into"),
-    ("report.json", "all numbers"),
-    ("tasks.csv", "the numbers of every task"),
-    ("report.html", "this page"),
-];
+use std::time::{Duration, Instant};
 
 /// The orbit's angle between two frames unless another is asked for: a slow turn, so that the previous frame says much
 /// about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
 
+/// How often the picture is written while it is rendered.
+const SHOW_EVERY: Duration = Duration::from_secs(1);
+
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if let (Some(recipe), Some(shards)) = (args.emit, args.shards) {
-        check(args)?;
+        check(args, None)?;
         let command = recipe::command_without(&["--emit", "--shards"])?;
         return Ok(write!(Stdout, "{}", recipe.script(&command, shards))?);
     }
@@ -59,13 +52,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let report_name = report_name(args);
-    // What a shard knows is a part, of which charts would say little.
-    let files = args.shard.map_or_else(|| FILES.map(|(name, _)| name).to_vec(), |_| vec![&report_name[..]]);
-    let outputs = outputs(args, &files);
-    scene::check([scene_of(args)])?;
-    outputs.check()?;
-    check(args)?;
+    let outputs = outputs(args, &results::names(args.shard));
+    check(args, Some(&outputs))?;
     if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
         note(format_args!("note: {left}"));
     }
@@ -89,7 +77,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let (mut runs, mut costs, costs_s) = (Vec::new(), CostMaps::new(args.size), Cell::new(0.0));
     let mut record = |traced: Traced<'_>| {
         let begin = Instant::now();
-        costs.add(&traced.run, |ray| traced.pixel(ray));
+        costs.add(&traced.run, |rays, take| traced.pixels(rays, take));
         runs.push(traced.run);
         costs_s.set(costs_s.get() + begin.elapsed().as_secs_f64());
     };
@@ -104,10 +92,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
         film.clear();
         animation.show(number, &mut renderer, &mut session)?;
         let paths = renderer.paths(motion.camera(number)?, number);
-        let frame = Frame { paths: &paths, number, waves: &waves, end };
-        frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
-            write(&mut pictures, film, number, samples)
-        })?;
+        let frame = Frame { paths: &paths, number, waves: &waves, end, show_every: SHOW_EVERY };
+        frame.render(&renderer, &mut session, passes, &mut film, &mut |film| write(&mut pictures, film, number))?;
         Ok(pictures.note(number, begin.elapsed().as_secs_f64(), &provenance)?)
     });
     let waves_s = begin.elapsed().as_secs_f64() - costs_s.get() - pictures.seconds;
@@ -117,24 +103,22 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     let Session { scheduling, .. } = session;
     seconds.add_streams(&runs, animation.updates(), waves_s);
-    let begin = Instant::now();
+    let (begin, saving) = (Instant::now(), interrupt::saving());
     drop(film);
     bar.stage("writing");
-    if interrupted {
-        // Before anything that may take longer than the patience with signals.
-        note(format_args!("note: {}; {report_name} says more, charts and page are not made", pictures.told(args.spp)));
-    } else {
-        if args.shard.is_none() {
-            write_charts(args, costs.maps(), &runs, &provenance)?;
-        }
-        pictures.write_sheet()?;
+    let maps = costs.into_maps();
+    if args.shard.is_none() {
+        results::write_charts(&args.out, &maps, &runs, &provenance)?;
     }
+    pictures.write_sheet()?;
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
+    let picture = picture_report(args, &pictures, whole, &motion, &described);
+    let picture = PictureReport { interrupted, frames_asked: whole + missing.len() as u32, ..picture };
     let report = Report {
         schema: SCHEMA,
         provenance,
-        picture: Some(picture_report(args, &pictures, whole, &motion, &described)),
+        picture: Some(picture),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -145,25 +129,35 @@ fn alone(args: &RenderArgs) -> Result<()> {
         seconds,
     };
     write_report(args, &report)?;
-    interrupt::check()?;
     if args.shard.is_none() {
-        let (maps, picture) = (costs.maps(), &pictures.main());
-        let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &FILES };
+        let rendered = html::render::Rendered { report: &report, runs: &runs, maps: &maps, picture: &pictures.main() };
         rendered.write(&args.out.join("report.html"))?;
     }
-    drop(bar);
+    drop((bar, saving));
+    if interrupted {
+        let missing = report.picture.as_ref().and_then(PictureReport::missing).unwrap_or_default();
+        note(format_args!("note: {missing}; what is whole is in {}", args.out.display()));
+    }
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         let explain = args.balance.explain;
         write!(Stdout, "{}", terminal::rendered(&report, &runs, explain, &args.out, terminal::columns()))?;
     }
-    Ok(())
+    interrupt::check()
 }
 
-/// Writes a frame with so many samples of each pixel.
-pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u32) -> Result<()> {
-    Ok(pictures.write((film.size(), film.sums()), || film.exposure(samples), frame, samples)?)
+/// Writes a frame as it is by now.
+pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32) -> Result<()> {
+    let shot = Shot {
+        size: film.size(),
+        sums: film.sums(),
+        samples_at: &|place| film.samples_at(place),
+        exposure: &|| film.exposure(),
+        samples: film.samples(),
+        ahead: film.ahead().map(|(samples, share)| Ahead { samples, share }),
+    };
+    Ok(pictures.write(shot, frame)?)
 }
 
 /// The pictures that are to be rendered with this motion of the camera.
@@ -197,11 +191,14 @@ pub(crate) fn picture_report(
     let first_frame = args.frames.range().start;
     PictureReport {
         size: args.size,
-        samples: pictures.last().map_or(args.spp, |(_, samples)| samples),
+        samples: pictures.last().map_or(args.spp, |last| last.samples),
         samples_asked: args.spp,
+        ahead: pictures.last().and_then(|last| last.ahead),
+        interrupted: false,
         bounces: args.bounces,
         first_frame,
         frames: whole + pictures.written(),
+        frames_asked: args.frames.count(),
         frames_before: whole,
         shard: args.shard.map(|shard| shard.to_string()),
         degrees_per_frame: match motion {
@@ -288,9 +285,11 @@ fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
     Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
 }
 
-/// Whether the scene is there and the camera path is one, before any of it is worked on.
-pub(crate) fn check(args: &RenderArgs) -> Result<()> {
+/// Whether the scene is there, results can be written, and the camera path, which they must not replace, is one: before
+/// any of it is worked on.
+pub(crate) fn check(args: &RenderArgs, outputs: Option<&Outputs>) -> Result<()> {
     scene::check([scene_of(args)])?;
+    outputs.map_or(Ok(()), Outputs::check)?;
     args.camera.as_deref().map_or(Ok(()), |file| Ok(CameraPath::read(file).map(drop)?))
 }
 
@@ -299,20 +298,15 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 }
 
 /// The pictures and `files` in the folder of results.
-pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
+pub(crate) fn outputs(args: &RenderArgs, files: &[String]) -> Outputs {
     let pictures = Pictures::new(&args.out, &args.frames);
     let names = pictures.files().chain(files.iter().map(PathBuf::from));
     let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
     args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
 }
 
-/// Shards write to one folder, each a report of its own.
-fn report_name(args: &RenderArgs) -> String {
-    args.shard.map_or_else(|| "report.json".to_owned(), |shard| format!("report-{shard}.json").replace('/', "-of-"))
-}
-
 pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
-    let path = args.out.join(report_name(args));
+    let path = args.out.join(results::report_name(args.shard));
     Ok(output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, report)?))?)
 }
 
@@ -336,19 +330,6 @@ fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraM
     motion.check(0..1)?;
     motion.check(args.frames.range())?;
     Ok(motion)
-}
-
-fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
-    let path = |name| args.out.join(name);
-    let (maps, tables) = rayon::join(
-        || cost::write_png(&path("cost.png"), costs),
-        || {
-            chart::timeline::write_svg(&path("timeline.svg"), runs, provenance)?;
-            chart::trace::write_json(&path("trace.json"), runs, provenance)?;
-            tasks::write_csv(&path("tasks.csv"), runs, provenance)
-        },
-    );
-    Ok(maps.and(tables)?)
 }
 
 /// What devices call themselves.

@@ -123,10 +123,19 @@ pub struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// The pixel that a ray is for, `x | y << 16`.
-    #[must_use]
-    pub fn pixel(&self, ray: u32) -> u32 {
-        self.part.wave.pixels[(self.stream.path(ray) / self.part.paths.samples.max(1)) as usize]
+    /// Hands over the pixels that some rays are for, `x | y << 16`, in the order of the rays and each once.
+    pub fn pixels(&self, rays: Range<u32>, mut take: impl FnMut(u32)) {
+        let samples = u64::from(self.part.paths.samples.max(1));
+        // Rays go by their paths, and paths by their pixels: so most rays need no division.
+        let mut next_pixel = 0;
+        for ray in rays {
+            let path = u64::from(self.stream.path(ray));
+            if path >= next_pixel {
+                let place = path / samples;
+                next_pixel = (place + 1) * samples;
+                take(self.part.wave.pixels[place as usize]);
+            }
+        }
     }
 }
 

@@ -20,6 +20,7 @@ pub mod print;
 mod provenance;
 pub mod recipe;
 pub mod report;
+pub mod results;
 pub mod table;
 pub mod tasks;
 pub mod terminal;

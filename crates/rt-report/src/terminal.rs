@@ -104,9 +104,8 @@ pub fn rendered(report: &Report, runs: &[StreamRun], explain: bool, out: &Path, 
     let _ = writeln!(text, "\n{}", streams(runs, width));
     text += &updates(report, width);
     text += &wall(report, width);
-    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
-        let PictureReport { samples, samples_asked, .. } = picture;
-        let _ = writeln!(text, "  {samples} of {samples_asked} samples of each pixel fitted into the time");
+    if let Some(missing) = report.picture.as_ref().and_then(PictureReport::missing) {
+        let _ = writeln!(text, "{}", wrapped(&format!("  {missing}"), "    ", width));
     }
     let written =
         format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", out.display());

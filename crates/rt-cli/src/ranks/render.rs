@@ -38,11 +38,10 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         bail!(usage("--shard is for processes that work apart: leave it out where several work together"));
     }
     let is_first = ranks.rank() == 0;
+    let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"].map(str::to_owned)));
     if is_first || !args.broadcast {
-        render::check(args)?;
+        render::check(args, outputs.as_ref())?;
     }
-    let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"]));
-    outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
     let mut relay = Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag()));
     let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
@@ -77,7 +76,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         let bar = progress::bar("rendering", count.into());
         let mut gather = |Finished { tile, seconds, bytes }: Finished<'_>| {
             let pixels = tiles.wave(tile.into()).pixels;
-            film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?);
+            film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?, args.spp);
             took[tile as usize] = seconds;
             bar.inc(1);
             Ok(())
@@ -105,7 +104,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         if let Some(report) = dealt.report {
             warn(&report);
             seconds.trace += report.makespan_s;
-            render::write(&mut pictures, &film, frame, args.spp)?;
+            render::write(&mut pictures, &film, frame)?;
             pictures.note(frame, report.makespan_s, &provenance)?;
             reports.push(report);
         }
