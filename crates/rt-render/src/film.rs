@@ -201,7 +201,7 @@ mod tests {
     #[test]
     fn a_pass_is_whole_when_it_has_come_to_every_pixel() {
         let mut film = Film::new([3, 2]).unwrap();
-        let pixels: Vec<u32> = (0..6).map(|i| i % 3 | (i / 3) << 16).collect();
+        let pixels: Vec<u32> = (0..6).map(|i| (i % 3) | ((i / 3) << 16)).collect();
         let told = |film: &Film| (film.samples(), film.ahead(), (0..6).map(|i| film.samples_at(i)).collect::<Vec<_>>());
         film.take(&pixels[..3], &[Vec3::ONE; 3], 1);
         film.take(&pixels[2..5], &[Vec3::ONE; 3], 1);
