@@ -8,7 +8,7 @@ use crate::render::{self, Source, Stage};
 use crate::report::{Report, SCHEMA, SceneReport};
 use crate::{interrupt, progress, table};
 use anyhow::{Result, bail};
-use rt_cluster::{Checkpoint, Deal, Finished, Heard, Patience, Ranks, Relay, Transport, deal};
+use rt_cluster::{Checkpoint, Deal, Finished, Heard, Ranks, Relay, Transport, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
 use rt_render::{Film, Session, Subject, Traced};
 use rt_report::chart::trace::{self, Timeline};
@@ -38,13 +38,13 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         bail!(usage("--shard is for processes that work apart: leave it out where several work together"));
     }
     let is_first = ranks.rank() == 0;
+    let mut relay = super::relay(ranks)?;
     if is_first || !args.broadcast {
         render::check(args)?;
     }
     let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"]));
     outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
-    let mut relay = Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag()));
     let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
     let Stage { devices, balancer, motion, mut renderer, mut animation, begin_s, mut seconds } =
         Stage::set(args, &scheduling.limits, source)?;
