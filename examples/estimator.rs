@@ -48,7 +48,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         100.0 * run.report.estimate.fraction,
         1e3 * run.report.makespan_s
     )?;
-    assert_eq!(run.work.len(), stream.tasks.len());
+    assert_eq!(run.work.len(), run.tasks.len());
     Ok(())
 }
 

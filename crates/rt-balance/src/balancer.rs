@@ -15,6 +15,7 @@ use rt_core::{
     CostEstimator, Counted, CountedTree, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray,
     RaySource, RayStream, Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
 };
+use rt_sched::cut::finer;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::Arc;
 use std::time::Duration;
@@ -208,6 +209,10 @@ impl Balancer {
         stream.check()?;
         scheduling.check()?;
         let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
+        let alive = self.members.iter().filter(|member| member.is_alive()).count();
+        let finer = if scheduling.queue.cuts() { finer(&stream.tasks, alive) } else { None };
+        let cut = finer.map(|tasks| Stream { tasks, ..stream.clone() });
+        let stream = cut.as_ref().unwrap_or(stream);
         self.guarded(scheduling.limits, control, |balancer| {
             balancer.trace_into(stream, scheduling, &mut output, control)
         })

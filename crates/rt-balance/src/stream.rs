@@ -1,22 +1,14 @@
 //! What is traced, and how it is scheduled.
 
+use crate::report::StreamRun;
 use crate::{Audit, BalanceError, Limits};
 use rt_core::{CostEstimator, Hit, RaySource, RayStream, StreamKind, StreamSpec, Task, TestCounts, tasks_of};
+pub use rt_sched::cut::DEFAULT_TASK_SIZE;
+use rt_sched::cut::cut_for;
 use rt_sched::estimate::Auto;
 use rt_sched::policy::{Lpt, Policy};
 use rt_sched::queue::{Needs, QueueKind, QueueMaker};
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Rays per task when nothing else is asked for: a 32 × 32 pixel tile of primary rays, the size of the paper's
-/// Figure 1 at which tasks are still fine enough to balance and coarse enough to estimate.
-pub const DEFAULT_TASK_SIZE: u32 = 1024;
-
-/// Tasks a device, from which on smaller ones gain nothing: a queue that knows nothing then ends within a percent of
-/// the bound (docs/results/scheduling.md).
-const ENOUGH_TASKS: u32 = 64;
-
-/// Rays per task below which tracing itself takes longer: 1.5% with 256 on a processor, 4.5% with 128.
-const LEAST_TASK_SIZE: u32 = 256;
 
 /// A stream of rays, cut into tasks.
 #[derive(Clone, Debug)]
@@ -27,7 +19,8 @@ pub struct Stream {
     pub kind: StreamKind,
     /// What is asked of each.
     pub spec: StreamSpec,
-    /// Consecutive ranges that cover all rays.
+    /// Consecutive ranges that cover all rays. Those that are too large for the devices to end together are cut finer
+    /// where the queue says so ([`QueueMaker::cuts`]); what was traced is in [`StreamRun::tasks`].
     pub tasks: Vec<Task>,
     /// Seed of the estimator's samples.
     pub seed: u32,
@@ -55,12 +48,15 @@ impl Stream {
     /// The same stream cut for so many devices: into tasks of [`DEFAULT_TASK_SIZE`] rays, or of half or a quarter of
     /// that where devices would have too few to balance.
     #[must_use]
-    pub fn with_tasks_for(self, devices: usize) -> Self {
-        let devices = u32::try_from(devices).unwrap_or(u32::MAX).max(1);
-        let fine = self.source.len() / ENOUGH_TASKS.saturating_mul(devices);
-        let sizes = [DEFAULT_TASK_SIZE, DEFAULT_TASK_SIZE / 2];
-        let size = sizes.into_iter().find(|&size| size <= fine).unwrap_or(LEAST_TASK_SIZE);
-        self.with_task_size(size)
+    pub fn with_tasks_for(mut self, devices: usize) -> Self {
+        self.tasks = cut_for(self.source.len(), devices);
+        self
+    }
+
+    /// The same stream cut as `run` says that it was traced.
+    #[must_use]
+    pub fn cut_as(&self, run: &StreamRun) -> Self {
+        Self { tasks: run.tasks.clone(), ..self.clone() }
     }
 
     /// The estimator's view of the stream, when `devices` devices trace it that are expected to lose
@@ -210,21 +206,5 @@ impl std::fmt::Debug for Control<'_> {
             .field("progress", &self.progress.is_some())
             .field("finished", &self.finished.is_some())
             .finish()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use rt_core::Ray;
-
-    /// Mutants: devices left out; a size that grows with them; no least size.
-    #[test]
-    fn devices_have_enough_tasks_where_rays_allow() {
-        let rays = vec![Ray::new(glam::Vec3::ZERO, glam::Vec3::X); 1 << 17];
-        let source = RaySource::Explicit { rays: rays.into(), origins: None };
-        let stream = Stream::new(source, StreamKind::Custom, StreamSpec::default());
-        let size = |devices| stream.clone().with_tasks_for(devices).tasks[0].rays;
-        assert_eq!([0, 1, 2, 3, 4, 5, 8, 1_000].map(size), [1024, 1024, 1024, 512, 512, 256, 256, 256]);
     }
 }

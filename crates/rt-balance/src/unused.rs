@@ -34,6 +34,7 @@ impl Balancer {
         limits: Limits,
         control: Control<'_>,
     ) -> Result<(), BalanceError> {
+        let stream = &stream.cut_as(run);
         let estimator = Box::new(Sampled::new(Walk::Full, fraction));
         let mut scheduling = Scheduling { estimator, limits, ..Scheduling::default() };
         let Estimate { work, predicted_s, fraction, seconds } = match self.estimate(stream, &mut scheduling, control) {

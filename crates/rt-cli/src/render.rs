@@ -4,7 +4,7 @@ use crate::args::RenderArgs;
 use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
 use crate::report::{Ahead, CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
-use crate::{html, interrupt, output, progress, ranks, scene};
+use crate::{html, interrupt, progress, ranks, scene};
 use anyhow::Result;
 use glam::DVec3;
 use rt_balance::{Balancer, Limits};
@@ -15,9 +15,8 @@ use rt_report::chart::cost::CostMaps;
 use rt_report::headline::Headline;
 use rt_report::pictures::{Part, Pictures, Shot};
 use rt_report::print::{Stdout, note};
-use rt_report::results;
 use rt_report::usage::{OrUsage, usage};
-use rt_report::{Provenance, recipe, terminal};
+use rt_report::{Provenance, charts, recipe, terminal};
 use rt_scene::camera::{CameraMotion, CameraPath};
 use rt_scene::wind::Wind;
 use rt_scene::{Model, View};
@@ -25,14 +24,11 @@ use std::cell::Cell;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// The orbit's angle between two frames unless another is asked for: a slow turn, so that the previous frame says much
 /// about the next.
 const ORBIT_STEP_DEGREES: f32 = 1.0;
-
-/// How often the picture is written while it is rendered.
-const SHOW_EVERY: Duration = Duration::from_secs(1);
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if let (Some(recipe), Some(shards)) = (args.emit, args.shards) {
@@ -52,9 +48,9 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let outputs = outputs(args, &results::names(args.shard));
+    let outputs = outputs(args, &charts::names(args.exr, args.shard));
     check(args, Some(&outputs))?;
-    if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
+    if let Some(left) = named(args).leftovers() {
         note(format_args!("note: {left}"));
     }
     let RenderArgs { size, spp: samples, bounces, .. } = *args;
@@ -70,7 +66,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         return Ok(pictures.write_sheet()?);
     }
     let mut renderer = Renderer { unused: missing.first().copied(), ..renderer };
-    let provenance = Provenance::now(args.balance.seed, names(&devices));
+    let provenance = Provenance::of(args.balance.seed, &devices);
     let paths = waves.pixels() * u64::from(args.spp) * missing.len() as u64;
     let bar = progress::Whole::new(paths, (2 * args.bounces + 2).into());
     let show = |at: Progress| bar.show(at);
@@ -92,7 +88,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         film.clear();
         animation.show(number, &mut renderer, &mut session)?;
         let paths = renderer.paths(motion.camera(number)?, number);
-        let frame = Frame { paths: &paths, number, waves: &waves, end, show_every: SHOW_EVERY };
+        let frame = Frame { paths: &paths, number, waves: &waves, end, show_every: rt_render::SHOW_EVERY };
         frame.render(&renderer, &mut session, passes, &mut film, &mut |film| write(&mut pictures, film, number))?;
         Ok(pictures.note(number, begin.elapsed().as_secs_f64(), &provenance)?)
     });
@@ -108,7 +104,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     bar.stage("writing");
     let maps = costs.into_maps();
     if args.shard.is_none() {
-        results::write_charts(&args.out, &maps, &runs, &provenance)?;
+        charts::write(&args.out, args.exr, &maps, &runs, &provenance)?;
     }
     pictures.write_sheet()?;
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
@@ -128,14 +124,14 @@ fn alone(args: &RenderArgs) -> Result<()> {
         headline: Headline::of(&runs),
         seconds,
     };
-    write_report(args, &report)?;
+    report.write(&args.out, args.shard)?;
     if args.shard.is_none() {
-        let rendered = html::render::Rendered { report: &report, runs: &runs, maps: &maps, picture: &pictures.main() };
+        let (files, picture) = (charts::files(args.exr), &pictures.main());
+        let rendered = html::render::Rendered { report: &report, runs: &runs, maps: &maps, picture, files: &files };
         rendered.write(&args.out.join("report.html"))?;
     }
     drop((bar, saving));
-    if interrupted {
-        let missing = report.picture.as_ref().and_then(PictureReport::missing).unwrap_or_default();
+    if let Some(missing) = report.missing().filter(|_| interrupted) {
         note(format_args!("note: {missing}; what is whole is in {}", args.out.display()));
     }
     if args.json {
@@ -145,6 +141,11 @@ fn alone(args: &RenderArgs) -> Result<()> {
         write!(Stdout, "{}", terminal::rendered(&report, &runs, explain, &args.out, terminal::columns()))?;
     }
     interrupt::check()
+}
+
+/// The pictures that are asked for.
+fn named(args: &RenderArgs) -> Pictures {
+    Pictures::new(&args.out, &args.frames).with_exr(args.exr)
 }
 
 /// Writes a frame as it is by now.
@@ -162,7 +163,7 @@ pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32) -> Result<
 
 /// The pictures that are to be rendered with this motion of the camera.
 pub(crate) fn pictures(args: &RenderArgs, renderer: &Renderer<'_>, motion: &CameraMotion) -> Result<Pictures> {
-    let pictures = Pictures::new(&args.out, &args.frames);
+    let pictures = named(args);
     if !args.frames.is_animation() {
         return Ok(pictures);
     }
@@ -289,6 +290,9 @@ fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
 /// any of it is worked on.
 pub(crate) fn check(args: &RenderArgs, outputs: Option<&Outputs>) -> Result<()> {
     scene::check([scene_of(args)])?;
+    if args.exr {
+        rt_report::exr::check().or_usage("--exr")?;
+    }
     outputs.map_or(Ok(()), Outputs::check)?;
     args.camera.as_deref().map_or(Ok(()), |file| Ok(CameraPath::read(file).map(drop)?))
 }
@@ -299,15 +303,10 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 
 /// The pictures and `files` in the folder of results.
 pub(crate) fn outputs(args: &RenderArgs, files: &[String]) -> Outputs {
-    let pictures = Pictures::new(&args.out, &args.frames);
+    let pictures = named(args);
     let names = pictures.files().chain(files.iter().map(PathBuf::from));
     let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
     args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
-}
-
-pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
-    let path = args.out.join(results::report_name(args.shard));
-    Ok(output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, report)?))?)
 }
 
 /// The camera of the command line, else the scene's, and how it moves.
@@ -330,9 +329,4 @@ fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraM
     motion.check(0..1)?;
     motion.check(args.frames.range())?;
     Ok(motion)
-}
-
-/// What devices call themselves.
-pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
-    devices.iter().map(|device| device.info().name.as_str())
 }

@@ -5,10 +5,10 @@ use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
 use crate::ranks;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::{interrupt, progress, render, scene, table};
+use crate::{interrupt, progress, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
-use rt_cluster::Ranks;
+use rt_cluster::{Relay, Transport};
 use rt_core::{Hit, Query, RaySource, StreamKind, StreamSpec, TestCounts};
 use rt_render::ranges::RayRanges;
 use rt_report::headline::Headline;
@@ -22,15 +22,12 @@ use std::time::Instant;
 
 pub(crate) fn run(args: &TraceArgs) -> Result<()> {
     let mut ranks = ranks::join()?;
-    if ranks.size() == 1 {
-        return trace(args, &mut ranks).map(|_| ());
-    }
-    let traced = trace(args, &mut ranks);
-    ranks::leave(ranks, traced)
+    let traced = ranks::relay(&mut ranks).and_then(|mut relay| trace(args, &mut relay));
+    if ranks.size() == 1 { traced.map(|_| ()) } else { ranks::leave(ranks, traced) }
 }
 
 /// Traces, with others if there are any; whether those are there still.
-fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
+fn trace(args: &TraceArgs, relay: &mut Relay<'_>) -> Result<bool> {
     let start = Instant::now();
     let mut scheduling = args.balance.scheduling()?;
     let mut outputs = Outputs::new().file("--hits", &args.hits).scenes([&args.scene]).input("the rays", &args.rays);
@@ -39,7 +36,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     }
     scene::check([&args.scene])?;
     // Only rank 0 writes.
-    let is_first = ranks.rank() == 0;
+    let is_first = relay.rank() == 0;
     if is_first {
         outputs.check()?;
     }
@@ -66,7 +63,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     let mut counts = counts.transpose()?;
     let mut report = None;
     let (mut runs, mut is_complete) = (Vec::new(), true);
-    if ranks.size() > 1 {
+    if relay.size() > 1 {
         let job = RayRanges {
             rays: &rays,
             scene: &scene,
@@ -77,9 +74,9 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
             scheduling: &mut scheduling,
             runs: &mut runs,
             control: interrupt::control(),
-            ranges: RayRanges::count(count, ranks.size()),
+            ranges: RayRanges::count(count, relay.size()),
         };
-        (is_complete, report) = ranks::trace::run(job, ranks, &mut hits, counts.as_deref_mut())?;
+        (is_complete, report) = ranks::trace::run(job, relay, &mut hits, counts.as_deref_mut())?;
         if !is_first {
             return Ok(is_complete);
         }
@@ -117,7 +114,7 @@ fn trace(args: &TraceArgs, ranks: &mut Ranks) -> Result<bool> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
+            provenance: Provenance::of(args.balance.seed, &devices),
             scene: SceneReport::of(&prepared),
             picture: None,
             queue: scheduling.queue.name(),

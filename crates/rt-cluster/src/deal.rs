@@ -1,6 +1,6 @@
 //! The thread that carries messages between a rank's decisions and its transport.
 
-use crate::message::{decode, encode};
+use crate::message::{decode, encode, round_of};
 use crate::{
     ClusterError, ClusterReport, End, Lease, Ledger, Machine, Patience, Server, ToServer, ToWorker, Transport, Worker,
 };
@@ -350,15 +350,19 @@ impl Courier<'_> {
 
     /// Takes a message from outside.
     fn hear(&mut self, from: u32, bytes: &[u8]) -> Result<(), ClusterError> {
+        let is_of_this_deal = round_of(from, bytes)? == self.deal.round;
         if self.server.is_some() {
-            let (round, message, payload) = decode(from, bytes)?;
-            if round == self.deal.round {
+            if is_of_this_deal {
+                let (_, message, payload) = decode(from, bytes)?;
                 self.serve(from, message, payload)?;
             }
             return Ok(());
         }
-        let (round, message, _) = decode(from, bytes)?;
-        if round == self.deal.round {
+        if from == 0 {
+            self.desk.worker().hear_of_server(self.desk.now());
+        }
+        if is_of_this_deal {
+            let (_, message, _) = decode(from, bytes)?;
             let mut said = Vec::new();
             self.desk.worker().receive(self.desk.now(), message, &mut said);
             self.desk.changed.notify_all();

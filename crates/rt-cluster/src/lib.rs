@@ -42,6 +42,7 @@
 //! orders of events; [`deal`] is a thread that carries messages between them and a [`Transport`].
 //!
 //! Before they deal rank 0 can tell all others something, such as the scene, and hear of each afterwards ([`Relay`]).
+//! Over a relay the others hear that rank 0 is there whatever it does, and end half a minute after it is not.
 //! Processes that know nothing of each other share work as a [`Shard`] says.
 //!
 //! The feature `mpi` adds the module `mpi`, the transport between machines; it needs an MPI library
@@ -54,6 +55,7 @@ mod checkpoint;
 mod deal;
 mod error;
 mod ledger;
+mod lifeline;
 pub mod local;
 mod machine;
 mod message;

@@ -51,10 +51,30 @@ pub enum ToWorker {
     Finished {
         /// Whether all ranks are there, so that they can leave in good order.
         is_complete: bool,
+        /// What they were tiles of: a rank may hear nothing before this, if it is late.
+        fingerprint: u64,
     },
     /// It is to stop, for this reason.
     Stopped(String),
 }
+
+/// What rank 0 says outside of deals.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) enum Word {
+    /// Nothing, but it is there.
+    Alive,
+    /// A part of something large, which follows; passed on by others too.
+    Part,
+    /// Asks what time a rank has.
+    Time(u32),
+    /// Asks what a rank has to say.
+    Say,
+    /// Nothing more.
+    Done,
+}
+
+/// In place of the round of a deal, for words and answers to them.
+pub(crate) const NO_ROUND: u32 = u32::MAX;
 
 /// A message with the number of the deal it belongs to: what comes late is for nobody.
 #[derive(Debug, Serialize, Deserialize)]
@@ -68,6 +88,12 @@ pub(crate) fn encode<M: Serialize>(round: u32, message: M, payload: &[u8]) -> Ve
     let mut bytes = postcard::to_allocvec(&Envelope { round, message }).expect("plain data in memory");
     bytes.extend_from_slice(payload);
     bytes
+}
+
+/// The round of a message, whatever is said in it.
+pub(crate) fn round_of(from: u32, bytes: &[u8]) -> Result<u32, ClusterError> {
+    // The first field of the envelope.
+    postcard::take_from_bytes(bytes).map(|(round, _)| round).map_err(|source| ClusterError::Message { from, source })
 }
 
 /// The round of a message, the message, and what follows it.
@@ -89,6 +115,9 @@ mod tests {
         assert_eq!(decode(1, &bytes).expect("a message"), (3, done, &b"pixels"[..]));
         let lease = ToWorker::Lease(vec![Lease { tile: 1, cost: 2.5 }, Lease { tile: u32::MAX, cost: 0.0 }]);
         assert_eq!(decode(0, &encode(0, &lease, &[])).expect("a message"), (0, lease, &[][..]));
+        for round in [0, 3, 1000, NO_ROUND] {
+            assert_eq!(round_of(0, &encode(round, Word::Time(7), b"more")).expect("a message"), round);
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::fmt;
 #[derive(Debug)]
 pub struct Ranks {
     #[cfg(feature = "mpi")]
-    world: Option<crate::mpi::World>,
+    world: Option<std::sync::Arc<crate::mpi::World>>,
 }
 
 /// What launchers say of the number of processes.
@@ -22,7 +22,10 @@ impl Ranks {
     pub fn join() -> Result<Self, JoinError> {
         let launched = LAUNCHERS.into_iter().find(|name| std::env::var_os(name).is_some());
         #[cfg(feature = "mpi")]
-        return Ok(Self { world: launched.map(|_| crate::mpi::World::join()).transpose().map_err(JoinError::Mpi)? });
+        {
+            let world = launched.map(|_| crate::mpi::World::join()).transpose().map_err(JoinError::Mpi)?;
+            Ok(Self { world: world.map(std::sync::Arc::new) })
+        }
         #[cfg(not(feature = "mpi"))]
         match launched {
             // Each of them would do all the work, and write over the others' results.
@@ -53,11 +56,11 @@ impl Ranks {
         0
     }
 
-    /// What carries messages to the others.
-    pub fn transport(&mut self) -> Box<dyn Transport + '_> {
+    /// What carries messages to the others. One of it at a time: two would take each other's messages.
+    pub fn transport(&mut self) -> Box<dyn Transport> {
         #[cfg(feature = "mpi")]
-        if let Some(world) = &mut self.world {
-            return Box::new(world.transport());
+        if let Some(world) = &self.world {
+            return Box::new(crate::mpi::MpiRank::new(world));
         }
         Box::new(local::network(1, local::Weather::CALM).remove(0))
     }
@@ -66,7 +69,8 @@ impl Ranks {
     /// waited for for ever: the launcher then ends them all, unless it is told to go on without this one.
     pub fn leave(self, is_complete: bool) {
         #[cfg(feature = "mpi")]
-        if let Some(world) = self.world {
+        // A transport that is still there would use MPI after its end.
+        if let Some(world) = self.world.and_then(std::sync::Arc::into_inner) {
             world.leave(is_complete);
         }
         let _ = is_complete;

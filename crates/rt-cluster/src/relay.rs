@@ -1,11 +1,13 @@
 //! What ranks tell each other before and after they deal: the scene, and what each of them did when.
 
-use crate::message::{decode, encode};
+use crate::lifeline::Lifeline;
+use crate::message::{NO_ROUND, Word, decode, encode};
 use crate::{ClusterError, Patience, Transport, TransportError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::fmt;
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -22,25 +24,26 @@ const ANSWER: Duration = Duration::from_secs(5);
 /// How often a rank is asked what time it has. The answer that came soonest is the best one.
 const QUESTIONS: u32 = 16;
 
-/// In place of the round of a deal.
-const ROUND: u32 = u32::MAX;
-
 /// A transport over which rank 0 tells all others something before they deal, and hears something of each afterwards.
+///
+/// As long as it is there, and whatever rank 0 does meanwhile, the others hear that rank 0 is there
+/// ([`Patience::heartbeat`]); when they do not, [`Relay::receive`], [`Relay::answer`] and a deal over it end after
+/// [`Patience::server`] of listening.
 pub struct Relay<'a> {
-    transport: Box<dyn Transport + 'a>,
+    line: Lifeline,
     patience: Patience,
     cancel: Option<&'a AtomicBool>,
     /// What came before it was wanted.
     early: VecDeque<(u32, Vec<u8>)>,
-    /// Ranks that take nothing any more.
-    deaf: Vec<u32>,
-    /// Messages to them, which will never leave.
+    /// Messages to ranks that take nothing any more; they will never leave.
     stuck: usize,
+    /// How long this rank has listened since it last heard of rank 0, if it ever did.
+    silence: Option<Duration>,
 }
 
 impl fmt::Debug for Relay<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Relay").field("rank", &self.transport.rank()).field("deaf", &self.deaf).finish_non_exhaustive()
+        f.debug_struct("Relay").field("rank", &self.rank()).field("silence", &self.silence).finish_non_exhaustive()
     }
 }
 
@@ -55,17 +58,6 @@ pub struct Heard {
     pub round_trip_s: f64,
 }
 
-/// What rank 0 asks when all is done.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-enum Question {
-    /// What time a rank has.
-    Time(u32),
-    /// What it has to say; follows the answer.
-    Say,
-    /// Nothing more.
-    Done,
-}
-
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 enum Answer {
     /// To the question of this number: seconds.
@@ -75,9 +67,16 @@ enum Answer {
 
 impl<'a> Relay<'a> {
     /// Over a transport; `cancel` is set to `true` to stop.
-    #[must_use]
-    pub fn new(transport: Box<dyn Transport + 'a>, patience: Patience, cancel: Option<&'a AtomicBool>) -> Self {
-        Self { transport, patience, cancel, early: VecDeque::new(), deaf: Vec::new(), stuck: 0 }
+    ///
+    /// # Errors
+    /// On rank 0, when it can have no thread to tell that it is there.
+    pub fn new(
+        transport: Box<dyn Transport>,
+        patience: Patience,
+        cancel: Option<&'a AtomicBool>,
+    ) -> Result<Self, ClusterError> {
+        let line = Lifeline::new(transport, patience.heartbeat)?;
+        Ok(Self { line, patience, cancel, early: VecDeque::new(), stuck: 0, silence: None })
     }
 
     /// On rank 0: tells all others. They must call [`Relay::receive`] with as many bytes.
@@ -97,10 +96,9 @@ impl<'a> Relay<'a> {
     /// # Errors
     /// When nothing comes for long, this rank is cut off, or it is to stop.
     pub fn receive(&mut self, into: &mut [u8]) -> Result<(), ClusterError> {
-        let from = (self.transport.rank() - 1) / 2;
+        let from = (self.rank() - 1) / 2;
         for chunk in into.chunks_mut(CHUNK) {
-            // Before the first there may be much to do for rank 0.
-            let bytes = self.next_of(from, self.patience.welcome)?;
+            let bytes = self.next_part(from)?;
             if bytes.len() != chunk.len() {
                 return Err(ClusterError::Message { from, source: postcard::Error::DeserializeUnexpectedEnd });
             }
@@ -132,22 +130,27 @@ impl<'a> Relay<'a> {
         postcard::from_bytes(&bytes).map_err(|source| ClusterError::Message { from: 0, source })
     }
 
+    /// The ranks to which this one passes on what it hears.
+    fn behind(&self) -> Range<u32> {
+        let first = 2 * self.rank() + 1;
+        first.min(self.size())..(first + 2).min(self.size())
+    }
+
     fn pass_on(&mut self, chunk: &[u8]) -> Result<(), ClusterError> {
-        let first = 2 * self.transport.rank() + 1;
-        for to in first..(first + 2).min(self.transport.size()) {
-            if self.deaf.contains(&to) {
+        for to in self.behind() {
+            if self.line.leaves_out(to) {
                 continue;
             }
             let begin = Instant::now();
-            self.transport.send(to, chunk.to_vec())?;
+            self.line.send(to, encode(NO_ROUND, Word::Part, chunk))?;
             loop {
                 self.check()?;
-                let left = self.transport.flush(LISTEN)?;
+                let left = self.line.flush(LISTEN)?;
                 if left <= self.stuck {
                     break;
                 }
                 if begin.elapsed() > self.patience.rank {
-                    self.deaf.push(to);
+                    self.line.leave_out(to);
                     self.stuck = left;
                     break;
                 }
@@ -156,18 +159,55 @@ impl<'a> Relay<'a> {
         Ok(())
     }
 
-    /// The next message of a rank; what others send meanwhile is kept.
-    fn next_of(&mut self, from: u32, within: Duration) -> Result<Vec<u8>, ClusterError> {
-        let begin = Instant::now();
-        while begin.elapsed() < within {
+    /// The next part that a rank passes on; what others send meanwhile is kept.
+    fn next_part(&mut self, from: u32) -> Result<Vec<u8>, ClusterError> {
+        let mut begin = Instant::now();
+        while begin.elapsed() < self.patience.welcome {
             self.check()?;
-            match self.transport.receive(LISTEN)? {
-                Some((rank, bytes)) if rank == from => return Ok(bytes),
-                Some(other) => self.early.push_back(other),
-                None => {}
+            let Some((rank, bytes)) = self.listen()? else { continue };
+            match decode(rank, &bytes) {
+                Ok((NO_ROUND, Word::Part, part)) if rank == from => return Ok(part.to_vec()),
+                Ok((NO_ROUND, Word::Alive, _)) => {
+                    // Rank 0 may have much to do before it tells anything.
+                    if rank == from {
+                        begin = Instant::now();
+                    }
+                    // Those behind this rank hear of rank 0, but not whether this one is there to pass on.
+                    if rank == 0 {
+                        self.behind().try_for_each(|to| self.line.send(to, encode(NO_ROUND, Word::Alive, &[])))?;
+                    }
+                }
+                _ => self.early.push_back((rank, bytes)),
             }
         }
-        Err(ClusterError::ServerLost(format!("rank {from} sent nothing for {} s", within.as_secs_f64())))
+        let waited = self.patience.welcome.as_secs_f64();
+        Err(ClusterError::ServerLost(format!("rank {from} sent nothing for {waited} s")))
+    }
+
+    /// The next message from outside, if there is one soon.
+    fn listen(&mut self) -> Result<Option<(u32, Vec<u8>)>, ClusterError> {
+        let message = self.receive_new(LISTEN)?;
+        match self.lost_server() {
+            Some(why) => Err(ClusterError::ServerLost(why)),
+            None => Ok(message),
+        }
+    }
+
+    fn receive_new(&mut self, within: Duration) -> Result<Option<(u32, Vec<u8>)>, TransportError> {
+        let begin = Instant::now();
+        let message = self.line.receive(within)?;
+        match &message {
+            Some((0, _)) => self.silence = Some(Duration::ZERO),
+            _ => self.silence = self.silence.map(|silence| silence + begin.elapsed()),
+        }
+        Ok(message)
+    }
+
+    /// That rank 0 is not heard of any more, if so.
+    fn lost_server(&self) -> Option<String> {
+        let limit = self.patience.server;
+        let is_lost = self.silence.is_some_and(|silence| silence > limit);
+        is_lost.then(|| format!("it was not heard of for {} s", limit.as_secs_f64()))
     }
 
     fn check(&self) -> Result<(), ClusterError> {
@@ -185,10 +225,10 @@ impl<'a> Relay<'a> {
     /// When this rank is cut off, or is to stop.
     pub fn ask(&mut self, ranks: &[u32], clock: &dyn Fn() -> Duration) -> Result<Vec<Option<Heard>>, ClusterError> {
         let heard = ranks.iter().map(|&rank| self.ask_one(rank, clock)).collect();
-        for to in 1..self.transport.size() {
-            self.transport.send(to, encode(ROUND, Question::Done, &[]))?;
+        for to in 1..self.size() {
+            self.line.send(to, encode(NO_ROUND, Word::Done, &[]))?;
         }
-        self.transport.flush(ANSWER)?;
+        self.line.flush(ANSWER)?;
         heard
     }
 
@@ -197,7 +237,7 @@ impl<'a> Relay<'a> {
         let mut best: Option<(f64, f64)> = None;
         for number in 0..QUESTIONS {
             let asked = clock().as_secs_f64();
-            self.transport.send(rank, encode(ROUND, Question::Time(number), &[]))?;
+            self.line.send(rank, encode(NO_ROUND, Word::Time(number), &[]))?;
             let is_it = |answer: &Answer| matches!(answer, Answer::Time(of, _) if *of == number);
             let Some((Answer::Time(_, theirs), _)) = self.answer_of(rank, is_it)? else { return Ok(None) };
             let round_trip = clock().as_secs_f64() - asked;
@@ -205,7 +245,7 @@ impl<'a> Relay<'a> {
                 best = Some((round_trip, theirs - (asked + round_trip / 2.0)));
             }
         }
-        self.transport.send(rank, encode(ROUND, Question::Say, &[]))?;
+        self.line.send(rank, encode(NO_ROUND, Word::Say, &[]))?;
         let said = self.answer_of(rank, |answer| matches!(answer, Answer::Say))?;
         let heard = |((_, bytes), (round_trip_s, clock_ahead_s))| Heard { bytes, clock_ahead_s, round_trip_s };
         Ok(said.zip(best).map(heard))
@@ -221,7 +261,7 @@ impl<'a> Relay<'a> {
             self.check()?;
             let Some((from, bytes)) = self.receive_any(LISTEN)? else { continue };
             // What is late is of a deal that is over.
-            if let Ok((ROUND, answer, said)) = decode::<Answer>(from, &bytes)
+            if let Ok((NO_ROUND, answer, said)) = decode::<Answer>(from, &bytes)
                 && from == rank
                 && is_it(&answer)
             {
@@ -239,15 +279,20 @@ impl<'a> Relay<'a> {
         let mut begin = Instant::now();
         while begin.elapsed() < self.patience.welcome {
             self.check()?;
-            let Some((from, question)) = self.receive_any(LISTEN)? else { continue };
-            let Ok((ROUND, question, _)) = decode::<Question>(from, &question) else { continue };
-            begin = Instant::now();
-            let answer = match question {
-                Question::Time(number) => encode(ROUND, Answer::Time(number, clock().as_secs_f64()), &[]),
-                Question::Say => encode(ROUND, Answer::Say, bytes),
-                Question::Done => return Ok(()),
+            let message = match self.early.pop_front() {
+                Some(early) => Some(early),
+                None => self.listen()?,
             };
-            self.transport.send(from, answer)?;
+            let Some((from, word)) = message else { continue };
+            let Ok((NO_ROUND, word, _)) = decode::<Word>(from, &word) else { continue };
+            begin = Instant::now();
+            let answer = match word {
+                Word::Time(number) => encode(NO_ROUND, Answer::Time(number, clock().as_secs_f64()), &[]),
+                Word::Say => encode(NO_ROUND, Answer::Say, bytes),
+                Word::Done => return Ok(()),
+                Word::Alive | Word::Part => continue,
+            };
+            self.line.send(from, answer)?;
         }
         Err(ClusterError::ServerLost(format!("it asked nothing for {} s", self.patience.welcome.as_secs_f64())))
     }
@@ -255,22 +300,22 @@ impl<'a> Relay<'a> {
     fn receive_any(&mut self, within: Duration) -> Result<Option<(u32, Vec<u8>)>, TransportError> {
         match self.early.pop_front() {
             Some(early) => Ok(Some(early)),
-            None => self.transport.receive(within),
+            None => self.receive_new(within),
         }
     }
 }
 
 impl Transport for Relay<'_> {
     fn rank(&self) -> u32 {
-        self.transport.rank()
+        self.line.rank()
     }
 
     fn size(&self) -> u32 {
-        self.transport.size()
+        self.line.size()
     }
 
     fn send(&mut self, to: u32, message: Vec<u8>) -> Result<(), TransportError> {
-        self.transport.send(to, message)
+        self.line.send(to, message)
     }
 
     fn receive(&mut self, within: Duration) -> Result<Option<(u32, Vec<u8>)>, TransportError> {
@@ -278,10 +323,12 @@ impl Transport for Relay<'_> {
     }
 
     fn lost(&mut self) -> Vec<(u32, String)> {
-        self.transport.lost()
+        let mut lost = self.line.lost();
+        lost.extend(self.lost_server().map(|why| (0, why)));
+        lost
     }
 
     fn flush(&mut self, within: Duration) -> Result<usize, TransportError> {
-        self.transport.flush(within)
+        self.line.flush(within)
     }
 }

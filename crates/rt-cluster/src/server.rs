@@ -192,7 +192,7 @@ impl Server {
     /// Tells every rank that might listen that all is finished.
     pub fn finish(&mut self, now: Duration, out: &mut Vec<(u32, ToWorker)>) {
         let is_complete = self.peers.iter().all(|peer| matches!(peer.standing, Standing::Present | Standing::Awaited));
-        self.tell_all(now, &ToWorker::Finished { is_complete }, out);
+        self.tell_all(now, &ToWorker::Finished { is_complete, fingerprint: self.fingerprint }, out);
     }
 
     /// Tells every rank that might listen to stop.

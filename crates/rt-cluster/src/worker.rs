@@ -15,10 +15,12 @@ const CAUTION: f64 = 0.25;
 #[derive(Debug)]
 pub struct Worker {
     patience: Patience,
+    fingerprint: u64,
     queue: VecDeque<Lease>,
     running: Option<(Lease, Duration)>,
     asked: Option<Asked>,
-    is_welcome: bool,
+    /// Whether anything was heard of rank 0 yet.
+    was_heard: bool,
     /// Whether it has told its prices, so that it can begin.
     is_ready: bool,
     end: Option<End>,
@@ -61,10 +63,11 @@ impl Worker {
         out.push(ToServer::Hello { fingerprint, machine });
         Self {
             patience,
+            fingerprint,
             queue: VecDeque::new(),
             running: None,
             asked: None,
-            is_welcome: false,
+            was_heard: false,
             is_ready: false,
             end: None,
             round_trip: None,
@@ -87,10 +90,9 @@ impl Worker {
 
     /// Takes a message of rank 0.
     pub fn receive(&mut self, now: Duration, message: ToWorker, out: &mut Vec<ToServer>) {
-        self.heard = now;
+        self.hear_of_server(now);
         match message {
-            ToWorker::Welcome => self.is_welcome = true,
-            ToWorker::Alive => {}
+            ToWorker::Welcome | ToWorker::Alive => {}
             ToWorker::Lease(leases) => {
                 if let Some(Asked { at, .. }) = self.asked.take() {
                     let took = now.saturating_sub(at);
@@ -98,7 +100,13 @@ impl Worker {
                 }
                 self.queue.extend(leases);
             }
-            ToWorker::Finished { is_complete } => self.end = Some(End::Finished { is_complete }),
+            // It was too late to be refused; what it has done for others it would do for this one.
+            ToWorker::Finished { fingerprint, .. } if fingerprint != self.fingerprint => {
+                let why = "scene, options or program differ from those of rank 0: start the same command with the same \
+                           files on all nodes";
+                self.end = Some(End::Refused(why.to_owned()));
+            }
+            ToWorker::Finished { is_complete, .. } => self.end = Some(End::Finished { is_complete }),
             ToWorker::Refused(why) => self.end = Some(End::Refused(why)),
             ToWorker::Stopped(why) => self.end = Some(End::Stopped(why)),
         }
@@ -141,10 +149,15 @@ impl Worker {
         if now.saturating_sub(self.spoken) > self.patience.heartbeat {
             self.say(now, ToServer::Alive, out);
         }
-        let limit = if self.is_welcome { self.patience.server } else { self.patience.welcome };
+        let limit = if self.was_heard { self.patience.server } else { self.patience.welcome };
         if now.saturating_sub(self.heard) > limit {
             self.lose_server(format!("it was not heard of for {} s", limit.as_secs_f64()));
         }
+    }
+
+    /// Notes that rank 0 is there, whatever it said.
+    pub fn hear_of_server(&mut self, now: Duration) {
+        (self.heard, self.was_heard) = (now, true);
     }
 
     /// Notes that rank 0 is known to be lost.

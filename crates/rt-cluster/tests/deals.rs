@@ -158,6 +158,17 @@ fn a_rank_with_another_job_is_sent_away_by_name() {
     assert!(matches!(&lost[..], [(1, why)] if why.contains("differ")), "{lost:?}");
 }
 
+/// Fails when a rank that comes when all is finished takes what others did for what it was to do.
+#[test]
+fn a_rank_with_another_job_is_sent_away_however_late() {
+    let mut ranks = network(2, Weather::CALM);
+    let (mut late, mut own) = (ranks.pop().expect("rank 1"), ranks.pop().expect("rank 0"));
+    let job = || Squares { fails: usize::MAX };
+    deal(&mut own, &Deal::new(10, 0), &mut job(), &mut |_| Ok(())).expect("all tiles, without the other");
+    let error = deal(&mut late, &Deal::new(10, 1), &mut job(), &mut |_| Ok(())).expect_err("another job").to_string();
+    assert!(error.contains("same files"), "{error}");
+}
+
 #[test]
 fn when_all_fail_the_reason_is_told() {
     let ranks = network(2, Weather::CALM).into_iter().map(|rank| (rank, Squares { fails: 1 })).collect();

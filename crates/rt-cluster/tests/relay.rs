@@ -23,7 +23,7 @@ impl Job for Numbers {
 }
 
 fn relay(rank: LocalRank, patience: Patience) -> Relay<'static> {
-    Relay::new(Box::new(rank), patience, None)
+    Relay::new(Box::new(rank), patience, None).expect("a thread")
 }
 
 /// Seconds by which the clock of each rank is ahead of the one before.
@@ -107,4 +107,72 @@ fn whoever_hears_nothing_says_of_whom() {
     assert!(heard[0].is_ok() && heard[2].is_ok(), "{heard:?}");
     let error = heard[3].as_ref().expect_err("rank 1 is dead").to_string();
     assert!(error.contains("rank 1 sent nothing"), "{error}");
+}
+
+/// Fails when the silence of a rank 0 that has much to do is taken for its death: while it reads a scene, between two
+/// deals, and before it asks.
+#[test]
+fn a_busy_rank_0_is_waited_for() {
+    let patience = Patience {
+        heartbeat: Duration::from_millis(20),
+        server: Duration::from_secs(2),
+        welcome: Duration::from_secs(2),
+        ..Patience::default()
+    };
+    let is_busy = || thread::sleep(Duration::from_secs(3));
+    thread::scope(|threads| {
+        for rank in network(4, Weather::CALM) {
+            threads.spawn(move || {
+                let number = rank.rank();
+                let mut relay = relay(rank, patience);
+                let mut take = |_: Finished<'_>| Ok(());
+                if number > 0 {
+                    relay.receive(&mut [0; 7]).expect("a scene");
+                    deal(&mut relay, &Deal { patience, ..Deal::new(20, 7) }, &mut Numbers, &mut take).expect("a deal");
+                    relay.answer(&[], &|| Duration::ZERO).expect("questions");
+                    return;
+                }
+                is_busy();
+                relay.send(b"a scene").expect("all are there");
+                is_busy();
+                deal(&mut relay, &Deal { patience, ..Deal::new(20, 7) }, &mut Numbers, &mut take).expect("a deal");
+                is_busy();
+                assert!(relay.ask(&[1, 2, 3], &|| Duration::ZERO).expect("all are there").iter().all(Option::is_some));
+            });
+        }
+    });
+}
+
+/// Fails when a rank waits for a dead rank 0 as long as for one that it never heard of.
+#[test]
+fn a_dead_rank_0_is_noticed_wherever_one_waits_for_it() {
+    let patience = Patience {
+        heartbeat: Duration::from_millis(20),
+        server: Duration::from_millis(300),
+        welcome: Duration::from_secs(3600),
+        ..Patience::default()
+    };
+    let ends: Vec<ClusterError> = thread::scope(|threads| {
+        let start = |rank: LocalRank| {
+            threads.spawn(move || {
+                let number = rank.rank();
+                let mut relay = relay(rank, patience);
+                match number {
+                    // Dies at once, having said that it is there.
+                    0 => Ok(()),
+                    1 => relay.receive(&mut [0; 7]),
+                    2 => relay.answer(&[], &|| Duration::ZERO),
+                    _ => deal(&mut relay, &Deal { patience, ..Deal::new(20, 7) }, &mut Numbers, &mut |_| Ok(()))
+                        .map(drop),
+                }
+            })
+        };
+        let running: Vec<_> = network(4, Weather::CALM).into_iter().map(start).collect();
+        running.into_iter().filter_map(|rank| rank.join().expect("no panic").err()).collect()
+    });
+    assert_eq!(ends.len(), 3);
+    assert!(
+        ends.iter().all(|end| end.to_string().contains("rank 0 is lost (it was not heard of for 0.3 s)")),
+        "{ends:?}"
+    );
 }

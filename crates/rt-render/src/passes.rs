@@ -8,6 +8,9 @@ use std::time::{Duration, Instant};
 /// for tracing them.
 const PASS: Duration = Duration::from_secs(2);
 
+/// How often people like to see a picture that is rendered.
+pub const SHOW_EVERY: Duration = Duration::from_secs(1);
+
 /// Most of the time that showing the picture may take while it is rendered: one part in so many.
 const MOST_SHOWN: u32 = 32;
 

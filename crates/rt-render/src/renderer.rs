@@ -269,6 +269,7 @@ impl Renderer<'_> {
         at(1.0, true);
         let mut run = traced?;
         if self.reference {
+            let stream = stream.cut_as(&run);
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
         }
         if self.unused == Some(part.frame) && run.report.estimate.is_uninformed() {

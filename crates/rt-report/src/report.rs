@@ -1,15 +1,17 @@
 //! `report.json`, schema 2 (described in docs/report.md).
 
-use crate::Provenance;
 use crate::headline::Headline;
+use crate::output::write_atomically;
+use crate::{Provenance, ReportError, charts};
 use glam::{DVec3, Vec3};
 use rt_balance::report::{StreamReport, StreamRun, UpdateReport};
-use rt_cluster::ClusterReport;
+use rt_cluster::{ClusterReport, Shard};
 use rt_scene::View;
 use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
 use serde::Serialize;
 use std::fmt;
+use std::path::Path;
 
 /// The version of the layout; it changes when a field changes its meaning or goes away.
 pub const SCHEMA: u32 = 2;
@@ -90,6 +92,23 @@ impl SceneReport {
     }
 }
 
+impl Report {
+    /// Writes it to a folder, in which shards have reports of their own.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, folder: &Path, shard: Option<Shard>) -> Result<(), ReportError> {
+        let path = folder.join(charts::report_name(shard));
+        write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, self)?))
+    }
+
+    /// What is missing of the picture that was asked for, and why, in words; `None` where nothing is.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        self.picture.as_ref().and_then(PictureReport::missing)
+    }
+}
+
 /// A picture, or the frames of an animation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PictureReport {
@@ -128,9 +147,8 @@ pub struct PictureReport {
 }
 
 impl PictureReport {
-    /// What is missing of what was asked for, and why, in words; `None` where nothing is.
-    #[must_use]
-    pub fn missing(&self) -> Option<String> {
+    /// As [`Report::missing`].
+    fn missing(&self) -> Option<String> {
         let Self { samples, samples_asked, frames, frames_asked, .. } = self;
         let why = if self.interrupted { "interrupted" } else { "the time was over" };
         if frames_asked > &1 {

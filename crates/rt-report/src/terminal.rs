@@ -1,6 +1,6 @@
 //! What commands say of a run on a terminal, in lines that fit it.
 
-use crate::report::{PictureReport, Report, Seconds};
+use crate::report::{Report, Seconds};
 use crate::table::{self, grouped, seconds};
 use rt_balance::report::StreamRun;
 use rt_cluster::ClusterReport;
@@ -104,7 +104,7 @@ pub fn rendered(report: &Report, runs: &[StreamRun], explain: bool, out: &Path, 
     let _ = writeln!(text, "\n{}", streams(runs, width));
     text += &updates(report, width);
     text += &wall(report, width);
-    if let Some(missing) = report.picture.as_ref().and_then(PictureReport::missing) {
+    if let Some(missing) = report.missing() {
         let _ = writeln!(text, "{}", wrapped(&format!("  {missing}"), "    ", width));
     }
     let written =

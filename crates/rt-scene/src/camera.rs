@@ -170,12 +170,22 @@ impl CameraPath {
     /// # Errors
     /// When it cannot be read or says something else; the message names file and line.
     pub fn read(file: &Path) -> Result<Self, CameraPathError> {
-        let fault = |fault| CameraPathError { file: file.to_owned(), fault };
-        let text = fs::read_to_string(file).map_err(|source| fault(Fault::Read(source)))?;
-        Self::parse(file, &text).map_err(fault)
+        let text = fs::read_to_string(file);
+        Self::parse(
+            file,
+            &text.map_err(|source| CameraPathError { file: file.to_owned(), fault: Fault::Read(source) })?,
+        )
     }
 
-    fn parse(file: &Path, text: &str) -> Result<Self, Fault> {
+    /// The same from what a file contains; messages call it `file`.
+    ///
+    /// # Errors
+    /// As of [`CameraPath::read`].
+    pub fn parse(file: &Path, text: &str) -> Result<Self, CameraPathError> {
+        Self::parse_keys(file, text).map_err(|fault| CameraPathError { file: file.to_owned(), fault })
+    }
+
+    fn parse_keys(file: &Path, text: &str) -> Result<Self, Fault> {
         let mut keys: Vec<Key> = Vec::new();
         for (line, row) in (1..).zip(text.lines()) {
             if row.trim().is_empty() || row.starts_with('#') {
@@ -280,9 +290,7 @@ mod tests {
     use std::fmt::Write;
 
     fn path(text: &str) -> Result<CameraPath, String> {
-        let file = Path::new("path.tsv");
-        let fault = |fault| CameraPathError { file: file.to_owned(), fault }.to_string();
-        CameraPath::parse(file, text).map_err(fault)
+        CameraPath::parse(Path::new("path.tsv"), text).map_err(|error| error.to_string())
     }
 
     fn view(path: &CameraPath, frame: u32) -> View {

@@ -19,6 +19,7 @@ extern crate std;
 
 pub mod bound;
 pub mod calibrate;
+pub mod cut;
 pub mod estimate;
 pub mod metrics;
 pub mod policy;

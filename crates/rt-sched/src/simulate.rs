@@ -249,6 +249,8 @@ impl Running<'_> {
 }
 
 #[cfg(test)]
+mod large_tasks;
+#[cfg(test)]
 mod regimes;
 #[cfg(test)]
 mod tests;

@@ -11,7 +11,7 @@ mod geometry;
 mod predicates;
 mod scheduling;
 
-pub use files::{npy, obj, scene_file};
+pub use files::{camera_path, npy, obj, scene_file};
 pub use geometry::geometry;
 pub use predicates::predicates;
 pub use scheduling::scheduling;
@@ -24,6 +24,7 @@ pub const CASES: &[(&str, Case)] = &[
     ("obj", obj),
     ("scene_file", scene_file),
     ("npy", npy),
+    ("camera_path", camera_path),
     ("geometry", geometry),
     ("predicates", predicates),
     ("scheduling", scheduling),

@@ -43,7 +43,7 @@ pub(crate) struct BalanceArgs {
     /// How devices get their tasks
     #[arg(long, value_parser = named(QUEUES), default_value = QUEUES[0].name, value_name = "NAME")]
     pub(crate) queue: &'static Entry<QueueKind>,
-    /// Number of tasks per stream
+    /// Number of tasks per stream; the hybrid queue cuts those that are too large for devices to end together
     #[arg(long, conflicts_with = "task_size", value_parser = clap::value_parser!(u32).range(1..), value_name = "N")]
     pub(crate) tasks: Option<u32>,
     /// Rays per task [default: 1024, or 512 or 256 where devices would have less than 64 tasks]

@@ -45,7 +45,7 @@ pub(crate) struct CompareArgs {
     /// Share of the rays that estimators sample, such as 1/64 [default: each one's own]
     #[arg(long, help_heading = heading::SCHEDULING, value_parser = parse_fraction, value_name = "F")]
     pub(crate) fraction: Option<f64>,
-    /// Number of tasks per stream
+    /// Number of tasks per stream; the hybrid queue cuts those that are too large for devices to end together
     #[arg(long, help_heading = heading::SCHEDULING, conflicts_with = "task_size", value_name = "N",
           value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) tasks: Option<u32>,

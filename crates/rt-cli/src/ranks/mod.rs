@@ -5,7 +5,7 @@ pub(crate) mod trace;
 
 use crate::interrupt;
 use anyhow::{Result, anyhow};
-use rt_cluster::{ClusterError, ClusterReport, JoinError, Ranks};
+use rt_cluster::{ClusterError, ClusterReport, JoinError, Patience, Ranks, Relay};
 use rt_report::print::note;
 use rt_report::table;
 use rt_report::usage::usage;
@@ -16,6 +16,11 @@ pub(crate) fn join() -> Result<Ranks> {
         JoinError::WithoutMpi { .. } => usage(error.to_string()).into(),
         error => error.into(),
     })
+}
+
+/// What carries messages; from now on the others hear that rank 0 is there.
+pub(crate) fn relay(ranks: &mut Ranks) -> Result<Relay<'static>> {
+    Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag())).map_err(explained)
 }
 
 /// Leaves the others. `done` says whether all are there still, or what went wrong here.

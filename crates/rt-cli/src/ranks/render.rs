@@ -8,7 +8,7 @@ use crate::render::{self, Source, Stage};
 use crate::report::{Report, SCHEMA, SceneReport};
 use crate::{interrupt, progress, table};
 use anyhow::{Result, bail};
-use rt_cluster::{Checkpoint, Deal, Finished, Heard, Patience, Ranks, Relay, Transport, deal};
+use rt_cluster::{Checkpoint, Deal, Finished, Heard, Ranks, Relay, Transport, deal};
 use rt_render::tiles::{self, FrameTiles, fingerprint, fingerprint_of_scene};
 use rt_render::{Film, Session, Subject, Traced};
 use rt_report::chart::trace::{self, Timeline};
@@ -39,11 +39,11 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     }
     let is_first = ranks.rank() == 0;
     let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"].map(str::to_owned)));
+    let mut relay = super::relay(ranks)?;
     if is_first || !args.broadcast {
         render::check(args, outputs.as_ref())?;
     }
     let tiles = cut(args, ranks)?;
-    let mut relay = Relay::new(ranks.transport(), Patience::default(), Some(interrupt::flag()));
     let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
     let Stage { devices, balancer, motion, mut renderer, mut animation, begin_s, mut seconds } =
         Stage::set(args, &scheduling.limits, source)?;
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let mut pictures = render::pictures(args, &renderer, &motion)?;
     // Only rank 0 knows which frames are whole; to the others their tiles are finished before they begin.
     let Part { missing, whole } = if is_first { render::part(args, &pictures) } else { Part::default() };
-    let provenance = Provenance::now(args.balance.seed, render::names(&devices));
+    let provenance = Provenance::of(args.balance.seed, &devices);
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
     let mut before: Vec<f32> = Vec::new();
@@ -144,7 +144,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             cluster: reports,
             seconds,
         };
-        render::write_report(args, &report)?;
+        report.write(&args.out, None)?;
         if args.json {
             writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
         } else {

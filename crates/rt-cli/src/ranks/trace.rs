@@ -3,7 +3,7 @@
 use super::{explained, warn};
 use crate::interrupt;
 use anyhow::Result;
-use rt_cluster::{ClusterReport, Deal, Finished, Ranks, deal};
+use rt_cluster::{ClusterReport, Deal, Finished, Relay, deal};
 use rt_core::{Hit, TestCounts};
 use rt_render::ranges::{RayRanges, gather};
 use rt_report::print::Stdout;
@@ -14,14 +14,14 @@ use std::io::Write;
 /// still, and there what was done by whom.
 pub(crate) fn run(
     mut job: RayRanges<'_>,
-    ranks: &mut Ranks,
+    relay: &mut Relay<'_>,
     hits: &mut [Hit],
     mut counts: Option<&mut [TestCounts]>,
 ) -> Result<(bool, Option<ClusterReport>)> {
     let ranges = job.ranges;
     let about = Deal { cancel: Some(interrupt::flag()), ..Deal::new(ranges, job.fingerprint()) };
     let mut take = |finished: Finished<'_>| gather(finished, ranges, hits, counts.as_deref_mut());
-    let dealt = deal(&mut *ranks.transport(), &about, &mut job, &mut take).map_err(explained)?;
+    let dealt = deal(relay, &about, &mut job, &mut take).map_err(explained)?;
     Ok((dealt.is_complete, dealt.report))
 }
 

@@ -1,7 +1,7 @@
 //! Whatever is wrong with a command line ends in exit code 2, whoever finds it, with a message that names it, before
 //! any work.
 
-use crate::folder::{self, Folder};
+use crate::folder::{self, Folder, SMALL};
 
 /// Wrong for every machine: the words, and what the message must contain.
 const WRONG: &[(&str, &str)] = &[
@@ -134,6 +134,22 @@ fn wrong_usage_is_2_and_says_what_is_wrong() {
         assert_eq!(folder.names(), before, "{words}");
     }
     assert_eq!(std::fs::read_to_string(folder.at("scene.obj")).unwrap(), folder::SCENE);
+}
+
+/// The central queue takes any policy that puts all tasks in an order: that is what it needs (`QueueMaker::needs`), and
+/// `lpt` over the mean device is the paper's central queue with costs. It was wrong usage while queues named their
+/// policies; `none`, which has no order, still is (above).
+// Mutants: a central queue that needs nothing, so that a policy is refused; one that forgets the policy.
+#[test]
+fn a_policy_goes_with_every_queue_that_can_use_it() {
+    let folder = Folder::new();
+    for policy in ["lpt", "block"] {
+        let ended = folder.run(&format!("render scene.obj {} --queue central --policy {policy}", SMALL.join(" ")));
+        assert_eq!(ended.code, Some(0), "{ended:?}");
+        let report: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(folder.at("out/report.json")).unwrap()).unwrap();
+        assert_eq!((&report["queue"], &report["policy"]), (&"central".into(), &policy.into()));
+    }
 }
 
 /// What switches something on in a backend: 1 or 0. Whatever the command, and whether it uses the backend or not.

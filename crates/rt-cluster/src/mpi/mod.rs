@@ -14,12 +14,16 @@ use std::collections::VecDeque;
 use std::error::Error;
 use std::fmt;
 use std::mem;
+use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 /// First and longest time between two questions whether a message is there: below what dealing a tile costs, and
 /// seldom enough that waiting takes no processor from those that compute.
 const WAITS: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(500)];
+
+/// Most messages that wait for one rank.
+const MOST_UNSENT: usize = 2048;
 
 /// All ranks of this run. Made and left by one thread.
 pub struct World {
@@ -74,11 +78,6 @@ impl World {
         self.size
     }
 
-    /// What carries this rank's messages; one at a time.
-    pub fn transport(&mut self) -> MpiRank<'_> {
-        MpiRank { world: self, sending: Vec::new(), receiving: VecDeque::new(), lost: Vec::new() }
-    }
-
     /// Leaves in good order, together with all other ranks, if `is_complete` says that they are there.
     ///
     /// That waits for all of them, for ever where one is lost, even if nobody knows yet. So it is not done where a loss
@@ -96,21 +95,27 @@ fn recovers() -> bool {
 }
 
 /// This rank's messages.
-pub struct MpiRank<'a> {
-    world: &'a World,
+pub struct MpiRank {
+    world: Arc<World>,
     sending: Vec<(u32, Sending)>,
     /// In the order they were begun in, which is that of each sender.
     receiving: VecDeque<(u32, Receiving)>,
     lost: Vec<(u32, String)>,
 }
 
-impl fmt::Debug for MpiRank<'_> {
+impl fmt::Debug for MpiRank {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("MpiRank").field("world", &self.world).field("sending", &self.sending.len()).finish()
     }
 }
 
-impl MpiRank<'_> {
+impl MpiRank {
+    /// What carries this rank's messages. One at a time: two would take each other's messages.
+    #[must_use]
+    pub fn new(world: &Arc<World>) -> Self {
+        Self { world: Arc::clone(world), sending: Vec::new(), receiving: VecDeque::new(), lost: Vec::new() }
+    }
+
     /// Lets go of what has left.
     fn settle(&mut self) {
         let Self { sending, lost, .. } = self;
@@ -153,7 +158,7 @@ impl MpiRank<'_> {
     }
 }
 
-impl Transport for MpiRank<'_> {
+impl Transport for MpiRank {
     fn rank(&self) -> u32 {
         self.world.rank
     }
@@ -164,6 +169,12 @@ impl Transport for MpiRank<'_> {
 
     fn send(&mut self, to: u32, message: Vec<u8>) -> Result<(), TransportError> {
         self.settle();
+        // Far more than a rank leaves unread that is busy for an hour. A lost one must not make this one look after
+        // ever more messages that never leave.
+        if self.sending.iter().filter(|(rank, _)| *rank == to).count() >= MOST_UNSENT {
+            self.lost.push((to, format!("it takes no messages: {MOST_UNSENT} wait for it")));
+            return Ok(());
+        }
         let bytes = message.len();
         match Sending::begin(to, message) {
             Some(Ok(begun)) => self.sending.push((to, begun)),

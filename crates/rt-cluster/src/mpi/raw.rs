@@ -17,7 +17,7 @@ struct Pending {
 }
 
 // SAFETY: a request is a handle, which MPI with `MPI_THREAD_SERIALIZED` takes from any thread, one at a time. `&mut`
-// sees to that: all calls are made through the one `MpiRank` that borrows the `World`.
+// sees to that: all calls are made through the one `MpiRank` that shares the `World`.
 unsafe impl Send for Pending {}
 
 impl Pending {

@@ -7,7 +7,6 @@ use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
-use rt_core::Task;
 use rt_sched::bound;
 use rt_sched::uninformed::does_sample;
 use serde::Serialize;
@@ -56,7 +55,9 @@ const MESSAGE_S: f64 = 5e-6;
 impl Machine {
     /// Least seconds that any schedule of the stream needs.
     pub(super) fn lower_bound(&self, recording: &Recording) -> f64 {
-        bound::related(&recording.task_s, &self.speeds.repeat(self.nodes as usize))
+        let speeds = self.speeds.repeat(self.nodes as usize);
+        let finer = recording.finer(speeds.len());
+        bound::related(&finer.as_ref().unwrap_or(recording).task_s, &speeds)
     }
 
     /// What a strategy makes of a stream; `None` where what it has to know was not measured.
@@ -70,8 +71,10 @@ impl Machine {
 
     fn on_a_node(&self, recording: &Recording, strategy: &Strategy, hand_over_s: f64) -> Option<Outcome> {
         let launch_s = self.launch_s.unwrap_or(recording.launch_s);
-        let replay = Replay { speeds: &self.speeds, task_s: &recording.task_s, launch_s, hand_over_s };
         let scheduling = strategy.contender.scheduling(&ESTIMATORS[0].usual());
+        let finer = if scheduling.queue.cuts() { recording.finer(self.speeds.len()) } else { None };
+        let recording = finer.as_ref().unwrap_or(recording);
+        let replay = Replay { speeds: &self.speeds, task_s: &recording.task_s, launch_s, hand_over_s };
         let knows = match strategy.knows {
             Knows::First if self.does_default_sample(recording) => Knows::Samples,
             Knows::First => Knows::Nothing,
@@ -91,15 +94,8 @@ impl Machine {
     /// Whether the default estimator walks samples of such a stream where it is the first, so that neither speeds nor
     /// what launches cost are known.
     fn does_default_sample(&self, recording: &Recording) -> bool {
-        let mut first = 0;
-        let tasks = recording.rays.iter().map(|&rays| {
-            let task = Task { first, rays };
-            first += rays;
-            task
-        });
-        let tasks: Vec<Task> = tasks.collect();
         let Scheduling { mut estimator, queue, .. } = Scheduling::default();
-        does_sample(&mut *estimator, &*queue, recording.kind, &tasks, self.speeds.len())
+        does_sample(&mut *estimator, &*queue, recording.kind, &recording.tasks(), self.speeds.len())
     }
 
     /// Tiles of neighbouring tasks are let to nodes as between real ones; within a node the strategy deals each tile's.
@@ -176,6 +172,23 @@ mod tests {
                     assert!(excess < 0.1, "{machine:?}: {excess}");
                 }
             }
+        }
+    }
+
+    /// Tasks that are too large are cut for queues that do so, and no second is lost by that.
+    ///
+    /// Mutants: `finer` of another number of devices; seconds that are not shared out.
+    #[test]
+    fn few_large_tasks_are_played_as_they_would_be_cut() {
+        let machine = machine(1, &[1.0, 0.2]);
+        let recording = Recording::known(StreamKind::Primary, vec![1 << 16; 16], vec![0.01; 16]);
+        let finer = recording.finer(2).expect("they are too large");
+        assert!((finer.task_s.iter().sum::<f64>() - 0.16).abs() < 1e-9 && finer.rays.len() == 512);
+        let bound = machine.lower_bound(&recording);
+        for strategy in Strategy::ALL.iter().filter(|strategy| strategy.name.starts_with("default")) {
+            let outcome = machine.play(&recording, strategy).expect("all is known");
+            let excess = outcome.makespan_s / bound - 1.0;
+            assert!((-1e-6..0.02).contains(&excess), "{}: {excess}", strategy.name);
         }
     }
 }

@@ -8,7 +8,8 @@ use rt_balance::catalogue::{ESTIMATORS, POLICIES, QUEUES, find};
 use rt_balance::replay::{Observed, Replay};
 use rt_balance::report::TaskTimes;
 use rt_balance::{Scheduling, Stream};
-use rt_core::StreamKind;
+use rt_core::{StreamKind, Task};
+use rt_sched::cut::finer;
 use serde::Deserialize;
 use std::fs;
 use std::ops::Range;
@@ -87,6 +88,42 @@ impl Recording {
     pub(super) fn known(kind: StreamKind, rays: Vec<u32>, task_s: Vec<f64>) -> Self {
         let seen = Some(for_nothing(task_s.clone(), 0.0));
         Self { kind, frame: 0, rays, task_s, launch_s: 0.0, samples: seen.clone(), past: seen, real: None }
+    }
+
+    pub(super) fn tasks(&self) -> Vec<Task> {
+        let mut first = 0;
+        let task = |&rays: &u32| {
+            first += rays;
+            Task { first: first - rays, rays }
+        };
+        self.rays.iter().map(task).collect()
+    }
+
+    /// The same, cut as queues do it that cut tasks that are too large for so many devices, whose rays are taken to be
+    /// alike; `None` if none is.
+    pub(super) fn finer(&self, devices: usize) -> Option<Self> {
+        let tasks = self.tasks();
+        let cut = finer(&tasks, devices)?;
+        // The task that each is a part of, and the share.
+        let part = |part: &Task| {
+            let of = tasks.partition_point(|task| task.first <= part.first) - 1;
+            (of, f64::from(part.rays) / f64::from(tasks[of].rays.max(1)))
+        };
+        let parts: Vec<(usize, f64)> = cut.iter().map(part).collect();
+        let shared = |seconds: &[f64]| parts.iter().map(|&(of, share)| seconds[of] * share).collect();
+        let seen = |seen: &Observed| Observed {
+            predicted_s: shared(&seen.predicted_s),
+            left: parts.iter().map(|&(of, _)| seen.left[of]).collect(),
+            ..seen.clone()
+        };
+        Some(Self {
+            rays: cut.iter().map(|part| part.rays).collect(),
+            task_s: shared(&self.task_s),
+            samples: self.samples.as_ref().map(seen),
+            past: self.past.as_ref().map(seen),
+            real: None,
+            ..*self
+        })
     }
 
     /// Some of its tasks, as a stream of their own.

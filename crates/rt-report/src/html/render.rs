@@ -4,7 +4,6 @@ use super::{Page, measured};
 use crate::ReportError;
 use crate::chart::cost::CostMap;
 use crate::report::{PictureReport, Report};
-use crate::results::FILES;
 use rt_balance::report::StreamRun;
 use std::path::Path;
 
@@ -19,6 +18,8 @@ pub struct Rendered<'a> {
     pub maps: &'a [CostMap],
     /// The picture's file; of an animation the contact sheet's.
     pub picture: &'a Path,
+    /// What else lies beside the page, and what it is.
+    pub files: &'a [(&'a str, &'a str)],
 }
 
 impl Rendered<'_> {
@@ -32,8 +33,7 @@ impl Rendered<'_> {
         let seeds = format!("Seed {seed} of samples, pixels and bounces.");
         let title = format!("raybalance: {}", scene.source);
         let mut page = Page::new(&title, &self.report.provenance, &seeds);
-        let missing = self.report.picture.as_ref().and_then(PictureReport::missing);
-        missing.iter().for_each(|missing| page.lead(&format!("Not all that was asked for: {missing}.")));
+        self.report.missing().iter().for_each(|missing| page.lead(&format!("Not all that was asked for: {missing}.")));
         page.lead(&self.report.headline.sentence);
         page.section("Picture");
         let told = self.report.picture.as_ref().map_or_else(String::new, |p| {
@@ -47,7 +47,7 @@ impl Rendered<'_> {
             describe(&mut page, picture);
         }
         page.section("Files beside this page");
-        page.files(&FILES);
+        page.files(self.files);
         page.write(path)
     }
 }

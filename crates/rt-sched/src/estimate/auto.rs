@@ -93,7 +93,9 @@ impl Auto {
             return self.done(stream, work, counts);
         }
         let fraction = SAMPLES * stream.tasks.len() as f64 / f64::from(stream.rays().max(1));
-        let fraction = Fraction::new(fraction.min(1.0)).filter(|_| self.open.choice == Choice::Samples);
+        // Of tasks of many rays more than two are taken: they cost little there, and two would tell nothing.
+        let fraction = Fraction::new(fraction.clamp(Fraction::MIN.value(), Fraction::ONE.value()));
+        let fraction = fraction.filter(|_| self.open.choice == Choice::Samples);
         let rays = fraction.map(|fraction| self.asked.choose(stream, stream.tasks.iter().copied(), fraction));
         match rays {
             Some(rays) if !rays.is_empty() => Step::Sample { rays, walk: Walk::Full },

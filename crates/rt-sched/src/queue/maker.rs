@@ -43,6 +43,12 @@ pub trait QueueMaker: Debug + Send + Sync {
     /// A queue of all tasks of a stream.
     fn make(&self, dealt: Dealt<'_>) -> Box<dyn TaskQueue>;
 
+    /// Whether tasks that are too large for the devices to end together are cut finer ([`crate::cut::finer`]), whatever
+    /// the caller said. A queue that does not say so is given the caller's.
+    fn cuts(&self) -> bool {
+        false
+    }
+
     /// Whether it moves tasks when it turns out what they cost; a queue that cannot tell says that it does.
     fn moves(&self, regime: &Regime) -> bool {
         let _ = regime;
@@ -118,6 +124,12 @@ impl QueueMaker for QueueKind {
             Self::Central => Box::new(CentralQueue::in_order(schedule, work, devices)),
             Self::Hybrid => Box::new(HybridQueue::new(schedule, work, devices)),
         }
+    }
+
+    /// Only where launches have several tasks and these are moved: the others are the paper's, whose size of a task is
+    /// a question.
+    fn cuts(&self) -> bool {
+        *self == Self::Hybrid
     }
 
     fn moves(&self, regime: &Regime) -> bool {

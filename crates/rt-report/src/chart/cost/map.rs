@@ -14,8 +14,8 @@ use std::ops::Range;
 pub struct CostMap {
     /// What the rays are called.
     kind: String,
-    /// The frame of an animation, in words.
-    frame: Option<String>,
+    /// The frame of an animation, and what is told of it.
+    frame: Option<(u32, String)>,
     /// Width and height of the picture in pixels.
     picture: [u32; 2],
     /// Width and height of the map in cells: the picture's pixels, or fewer where those are too many.
@@ -115,9 +115,9 @@ impl CostMaps {
                 (all, 0) => format!("the first of {all}"),
                 (all, _) => format!("the most expensive of {all}"),
             };
-            Some(format!("frame {} ({told}, {} of tracing)", frame.number, seconds(frame.seconds)))
+            Some((frame.number, format!("{told}, {} of tracing", seconds(frame.seconds))))
         };
-        let abouts: Vec<Option<String>> = self.frames.iter().enumerate().map(about).collect();
+        let abouts: Vec<Option<(u32, String)>> = self.frames.iter().enumerate().map(about).collect();
         let mut maps = Vec::new();
         for (frame, about) in self.frames.into_iter().zip(abouts) {
             maps.extend(frame.maps.into_iter().map(|map| CostMap { frame: about.clone(), ..map }));
@@ -295,8 +295,14 @@ impl CostMap {
     /// What the rays are called, such as `shadow 0`; of an animation with the frame.
     #[must_use]
     pub fn name(&self) -> String {
-        let frame = self.frame.as_ref().map_or_else(String::new, |frame| format!(", {frame}"));
+        let frame = self.frame.as_ref().map_or_else(String::new, |(number, told)| format!(", frame {number} ({told})"));
         format!("{} rays{frame}", self.kind)
+    }
+
+    /// The same without blanks, as channels of a file are called: `shadow_0`, or `frame_7.shadow_0`.
+    pub(crate) fn channel(&self) -> String {
+        let frame = self.frame.as_ref().map_or_else(String::new, |(number, _)| format!("frame_{number}."));
+        format!("{frame}{}", self.kind.replace(' ', "_"))
     }
 
     /// Width and height in cells.
