@@ -205,8 +205,9 @@ fn excess_of_changes(speeds: &[f64], changes: &[SpeedChange], n: u32, knows: boo
 fn devices_that_change_their_speed_end_together() {
     let change = |device, at_s, speed| SpeedChange { device, at_s, speed };
     let two_of_eight = |first_s, second_s| [change(0, first_s, 0.25), change(1, second_s, 0.25)];
-    // The last numbers are limits with 1,024 and 8,192 tasks, where costs are known and where nothing is.
-    let rows: [(&[f64], &[SpeedChange], [f64; 2], [f64; 2]); 8] = [
+    /// Speeds, their changes, and limits with 1,024 and 8,192 tasks: where costs are known, and where nothing is.
+    type Row<'a> = (&'a [f64], &'a [SpeedChange], [f64; 2], [f64; 2]);
+    let rows: [Row<'_>; 8] = [
         (&[1.0; 2], &[change(0, 0.05, 0.5)], [1.0; 2], [1.0; 2]),
         (&[1.0; 3], &[change(0, 0.03, 0.5), change(0, 0.09, 1.0)], [1.0; 2], [1.0; 2]),
         (&[1.0, 2.0, 4.0], &[change(2, 0.05, 0.5)], [1.0; 2], [1.0; 2]),
