@@ -27,7 +27,7 @@ const LAUNCH_SHARE: f64 = 1.0 / 3.0;
 const NEXT_SHARE: f64 = 1.0 / 8.0;
 
 /// Share of the stream that such launches take at least, in a device's fair share of it, but no more than a
-/// [`LAUNCH_SHARE`] of the list, without a unit: too little to be missed at the end, and enough to hide most hand-overs.
+/// [`LAUNCH_SHARE`] of the list, without a unit: too little to be missed at the end, enough to hide most hand-overs.
 const LEAST_NEXT: f64 = 2.0 * FIRST;
 
 /// The same where costs are not known: one of several launches may be far more expensive than was thought.
@@ -57,10 +57,10 @@ const VICTIMS: usize = 32;
 ///
 /// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (an eighth
 /// behind another one in flight, a twelfth where costs are not known), begins small and grows with what the device has
-/// finished, but is no less than a launch costs. A device with an empty list steals from the one that would end last, from the end of its list, where an LPT
-/// list has its smallest tasks: those that it would itself end no later. Where it would overrun the schedule, a device
-/// leaves to a faster one what that ends sooner even after all else, and takes no second launch when one lasts until
-/// all will be done.
+/// finished, but is no less than a launch costs. A device with an empty list steals from the one that would end last,
+/// from the end of its list, where an LPT list has its smallest tasks: those that it would itself end no later. Where
+/// it would overrun the schedule, a device leaves to a faster one what that ends sooner even after all else, and takes
+/// no second launch when one lasts until all will be done.
 ///
 /// So with exact costs and speeds a run takes no longer than its schedule says, but for launches: no step puts off the
 /// last end. What a lost device leaves behind goes to whoever is idle.
