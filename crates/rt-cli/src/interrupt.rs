@@ -2,7 +2,7 @@
 //!
 //! It sets a flag, which everything that can stop in good order looks at. Not everything can: a parser, a compiler of
 //! kernels, a driver, a full pipe. So what has not ended when [`PATIENCE`] is over is ended from outside, and what it
-//! was writing is removed. Whoever saves what is whole is given more time ([`saving`]). A second signal has no patience.
+//! was writing is removed. [`saving`] what is whole is given more time. A second signal has no patience.
 
 use anyhow::{Result, bail};
 use rt_balance::Control;

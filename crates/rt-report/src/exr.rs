@@ -43,8 +43,8 @@ pub fn write_picture(
 }
 
 /// Writes what rays cost: for each map the channels `KIND.measured_ns` and, where there is an estimate,
-/// `KIND.estimated_ns`, nanoseconds per ray and NaN where that is not known. Kinds have no blanks there: `shadow_0`, and
-/// of an animation the frame in front: `frame_7.shadow_0`.
+/// `KIND.estimated_ns`, nanoseconds per ray and NaN where that is not known. Kinds have no blanks there: `shadow_0`; of
+/// an animation the frame is in front: `frame_7.shadow_0`.
 ///
 /// # Errors
 /// When there is no map, or the file cannot be written.
