@@ -61,7 +61,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let Stage { devices, balancer, motion, renderer, mut animation, mut seconds, .. } =
         Stage::set(args, &scheduling.limits, source)?;
     let mut pictures = pictures(args, &renderer, &motion)?;
-    let Part { missing, whole } = part(args, &pictures);
+    let part = part(args, &pictures);
+    let missing = &part.missing;
     if missing.is_empty() {
         return Ok(pictures.write_sheet()?);
     }
@@ -109,12 +110,11 @@ fn alone(args: &RenderArgs) -> Result<()> {
     pictures.write_sheet()?;
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
-    let picture = picture_report(args, &pictures, whole, &motion, &described);
-    let picture = PictureReport { interrupted, frames_asked: whole + missing.len() as u32, ..picture };
+    let picture = picture_report(args, &pictures, &part, &motion, &described);
     let report = Report {
         schema: SCHEMA,
         provenance,
-        picture: Some(picture),
+        picture: Some(PictureReport { interrupted, ..picture }),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -181,11 +181,11 @@ pub(crate) fn part(args: &RenderArgs, pictures: &Pictures) -> Part {
     part
 }
 
-/// What was rendered; `whole` frames were there before.
+/// What was rendered of a part.
 pub(crate) fn picture_report(
     args: &RenderArgs,
     pictures: &Pictures,
-    whole: u32,
+    part: &Part,
     motion: &CameraMotion,
     scene: &SceneReport,
 ) -> PictureReport {
@@ -198,9 +198,9 @@ pub(crate) fn picture_report(
         interrupted: false,
         bounces: args.bounces,
         first_frame,
-        frames: whole + pictures.written(),
-        frames_asked: args.frames.count(),
-        frames_before: whole,
+        frames: part.whole + pictures.written(),
+        frames_asked: part.whole + part.missing.len() as u32,
+        frames_before: part.whole,
         shard: args.shard.map(|shard| shard.to_string()),
         degrees_per_frame: match motion {
             CameraMotion::Orbit { degrees_per_frame, .. } if args.frames.is_animation() => *degrees_per_frame,
