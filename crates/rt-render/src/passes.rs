@@ -14,6 +14,10 @@ pub const SHOW_EVERY: Duration = Duration::from_secs(1);
 /// Most of the time that showing the picture may take while it is rendered: one part in so many.
 const MOST_SHOWN: u32 = 32;
 
+/// Least paths of a wave that a pass is cut into: each is some streams of its own, which cost something, and however
+/// slow the pass before was, it may have been for another reason than its rays.
+const LEAST_PATHS: u64 = 1 << 14;
+
 /// How many samples of each pixel come next: a plan that knows no clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passes {
@@ -94,14 +98,15 @@ impl Frame<'_> {
         let (mut number, mut worthwhile, mut most) = (0, 0, u32::MAX);
         let (mut pace, mut shows) = (Pace::default(), Shows::begin(self.show_every));
         while let Some(samples) = passes.next(worthwhile, most) {
-            let (begin, mut traced) = (Instant::now(), Duration::ZERO);
-            let pieces = shows.pieces(pace.expected(samples.count));
+            let (begin, mut traced, mut setup) = (Instant::now(), Duration::ZERO, Duration::ZERO);
+            let paths = self.waves.pixels() * u64::from(samples.count);
+            let pieces = shows.pieces(pace.expected(samples.count), paths);
             let waves = self.waves.split(pieces);
             for wave in waves.iter() {
                 let begin = Instant::now();
                 let mut sums = film.sums_of(&wave.pixels);
                 let part = Part { paths: self.paths, frame: self.number, number, wave: &wave, samples };
-                renderer.part(session, part, &mut sums)?;
+                setup += renderer.part(session, part, &mut sums)?;
                 film.take(&wave.pixels, &sums, passes.done());
                 number += 1;
                 traced += begin.elapsed();
@@ -111,10 +116,10 @@ impl Frame<'_> {
                     shows.time(|| shown(film))?;
                 }
             }
-            pace = Pace { traced, samples: samples.count };
+            pace = Pace { traced: traced.saturating_sub(setup), samples: samples.count };
             worthwhile = pace.fitting(PASS);
             let left = |end: Instant| end.saturating_duration_since(Instant::now());
-            let whole = Pace { traced: begin.elapsed(), ..pace };
+            let whole = Pace { traced: begin.elapsed().saturating_sub(setup), ..pace };
             most = self.end.map_or(u32::MAX, |end| whole.fitting(left(end)));
         }
         Ok(())
@@ -158,9 +163,10 @@ impl Shows {
         self.every.max(self.took * MOST_SHOWN)
     }
 
-    /// Into how many parts a pass is cut that will take so long.
-    fn pieces(&self, expected: Duration) -> u64 {
-        (expected.as_secs_f64() / self.every().as_secs_f64()).round().max(1.0) as u64
+    /// Into how many waves a pass of so many paths is cut that will take so long.
+    fn pieces(&self, expected: Duration, paths: u64) -> u64 {
+        let pieces = (expected.as_secs_f64() / self.every().as_secs_f64()).round() as u64;
+        pieces.min(paths / LEAST_PATHS).max(1)
     }
 
     /// Whether it is to be shown again. Parts are not of one length, and one that is a little too short must not make
@@ -207,15 +213,21 @@ mod tests {
         }
     }
 
-    /// Fails when a pass is cut before anything is known of how long it takes, or showing may take all of the time.
+    /// Fails when a pass is cut before anything is known of how long it takes, or into nothing but ends of streams, or
+    /// showing may take all of the time.
     #[test]
     fn passes_are_cut_into_parts_of_a_second_unless_showing_is_expensive() {
         let seconds = |time: u64| Duration::from_secs(time);
         let shows = |took: Duration| Shows { took, ..Shows::begin(seconds(1)) };
-        assert_eq!(shows(Duration::ZERO).pieces(Pace::default().expected(9)), 1);
+        let many = 1 << 30;
+        assert_eq!(shows(Duration::ZERO).pieces(Pace::default().expected(9), many), 1);
         let pace = Pace { traced: seconds(2), samples: 4 };
         assert_eq!((pace.expected(10), pace.fitting(seconds(3))), (seconds(5), 6));
-        assert_eq!([0, 1, 5, 60].map(|time| shows(Duration::ZERO).pieces(seconds(time))), [1, 1, 5, 60]);
-        assert_eq!([1, 5, 60].map(|time| shows(Duration::from_millis(250)).pieces(seconds(time))), [1, 1, 8]);
+        assert_eq!([0, 1, 5, 60].map(|time| shows(Duration::ZERO).pieces(seconds(time), many)), [1, 1, 5, 60]);
+        assert_eq!([1, 5, 60].map(|time| shows(Duration::from_millis(250)).pieces(seconds(time), many)), [1, 1, 8]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|waves| shows(Duration::ZERO).pieces(seconds(60), waves * LEAST_PATHS)),
+            [1, 1, 2, 3]
+        );
     }
 }

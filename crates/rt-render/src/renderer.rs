@@ -16,6 +16,7 @@ use rt_simd::Kernel;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
@@ -202,12 +203,14 @@ impl Renderer<'_> {
 
     /// Renders a part: adds the radiance of its samples to `sums`, one for each pixel of the wave in its order. If
     /// those are of the samples before, they are the same bits whatever else is rendered, in which parts, where, and by
-    /// which devices.
+    /// which devices. Returns how much of the time was set-up, which the first streams of a kind need and no others.
     ///
     /// # Errors
     /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
-    pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<(), RenderError> {
-        self.shade(part, sums, &mut |stream| self.trace(session, part, stream))
+    pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<Duration, RenderError> {
+        let mut setup_s = 0.0;
+        self.shade(part, sums, &mut |stream| self.trace(session, part, stream, &mut setup_s))?;
+        Ok(Duration::try_from_secs_f64(setup_s).unwrap_or_default())
     }
 
     /// Renders a part with hits that `trace` finds.
@@ -247,8 +250,14 @@ impl Renderer<'_> {
         Ok(())
     }
 
-    /// Traces a stream and records it.
-    fn trace(&self, session: &mut Session<'_>, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>, RenderError> {
+    /// Traces a stream and records it; adds the seconds of its set-up.
+    fn trace(
+        &self,
+        session: &mut Session<'_>,
+        part: Part<'_>,
+        stream: &PathStream,
+        setup_s: &mut f64,
+    ) -> Result<Vec<Hit>, RenderError> {
         let Session { balancer, scheduling, show, record } = session;
         let rays = stream.source.len();
         let (kind, paths) = (stream.kind, part.wave.pixels.len() as u64 * u64::from(part.samples.count));
@@ -268,6 +277,7 @@ impl Renderer<'_> {
             balancer.trace(&stream, scheduling, &mut hits, None, Control { progress: Some(&progress), ..quiet });
         at(1.0, true);
         let mut run = traced?;
+        *setup_s += run.report.setup_s;
         if self.reference {
             let stream = stream.cut_as(&run);
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);
