@@ -137,7 +137,8 @@ impl CostEstimator for Auto {
         let Decision { choice, tasks_a_device, moves, loss, left, fraction, price } = self.open;
         let [loss, left, fraction, price] = [loss, left, fraction, price].map(|share| 100.0 * share);
         let queue = if moves { "" } else { ", which are not moved later," };
-        let lost = format!("{tasks_a_device:.0} tasks a device{queue} are expected to lose {loss:.2}% if nothing is known");
+        let lost =
+            format!("{tasks_a_device:.0} tasks a device{queue} are expected to lose {loss:.2}% if nothing is known");
         let samples = format!("{left:.2}% with samples of {fraction:.2}% of the rays");
         Some(match choice {
             Choice::Past => "the last such stream tells what tasks take, for nothing".into(),

@@ -167,18 +167,25 @@ fn launches_are_worth_their_price() {
 }
 
 /// What launches cost is found out where nothing is known, and is not made up where they cost nothing. Before,
-/// launches of a tenth of a frame were 73 a device, and the frame took eight times as long.
+/// launches of a tenth of a frame were 73 a device, and the frame took eight times as long; with 64 tasks a device, of
+/// which each was a launch, 7.4 times.
 ///
-/// Mutant: `Timed::price` that is always 0.
+/// Mutants: `Timed::price` that is always 0; `TRIED` of 0.
 #[test]
 fn expensive_launches_are_found_out() {
-    for (speeds, most) in [(turns(&[1.0], 8), [2.0, 45.0, 180.0]), (turns(&[1.0, 2.0, 4.0], 3), [2.0, 80.0, 190.0])] {
+    let all = [(turns(&[1.0], 8), [2.0, 45.0, 180.0]), (turns(&[1.0, 2.0, 4.0], 3), [2.0, 80.0, 190.0])];
+    for (speeds, most) in all {
+        let of = |each: u32, share| {
+            let tasks = each * speeds.len() as u32;
+            launching("hybrid", &speeds, tasks, Known::Nothing, FRAME_S, share * FRAME_S)
+        };
         for (share, most) in [0.0, 0.02, 0.1].into_iter().zip(most) {
-            let tasks = 256 * speeds.len() as u32;
-            let [excess, launches] = launching("hybrid", &speeds, tasks, Known::Nothing, FRAME_S, share * FRAME_S);
+            let [excess, launches] = of(256, share);
             assert!(excess <= most, "{speeds:?}, {share}: {excess}%");
             assert!((share == 0.0) == (launches > 45.0), "{speeds:?}, {share}: {launches} launches");
         }
+        let [excess, launches] = of(64, 0.1);
+        assert!(excess <= 200.0 && launches < 20.0, "{speeds:?}, few tasks: {excess}%, {launches} launches");
     }
 }
 
