@@ -355,7 +355,9 @@ fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64
         let grain = if parts > 1 { ", cut" } else { "" };
         (100.0 * price + case.mean()[0], std::format!("{queue}{costs}{grain}"))
     };
-    let samples = does_sample(&mut Auto::default(), &QueueKind::default(), StreamKind::Primary, &cut, speeds.len());
+    let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
+    let (auto, queue) = (&mut Auto::default(), &QueueKind::default());
+    let samples = does_sample(auto, queue, StreamKind::Primary, &cut, speeds.len(), are_alike);
     [(&FIRST[..], usize::from(samples)), (&LATER[..], 0)].map(|(strategies, default)| {
         let found = strategies.iter().map(|&strategy| of(strategy, cells));
         let mut found: Vec<(f64, String)> = found.collect();
@@ -381,7 +383,7 @@ fn with_and_without_samples(devices: usize, each: u32) -> [(f64, f64, bool); 2] 
     [(StreamKind::Primary, 0.2, [6.0, 0.5]), (StreamKind::Custom, 0.3, [1.2, 0.1])].map(|(kind, error, [ray, host])| {
         let price = 100.0 * 2.0 * (ray + host * devices as f64) / f64::from(RAYS);
         let cut = rt_core::tasks_of(tasks * RAYS, RAYS);
-        let samples = does_sample(&mut Auto::default(), &QueueKind::default(), kind, &cut, devices);
+        let samples = does_sample(&mut Auto::default(), &QueueKind::default(), kind, &cut, devices, true);
         (nothing, price + mean(Known::Costs(error)), samples)
     })
 }
@@ -408,6 +410,19 @@ fn two_samples_pay_where_they_are_made() {
                 assert!(chosen <= best + room, "{devices}, {each}: {found:?}");
             }
         }
+    }
+}
+
+/// First streams of few rays on devices that may differ are sampled, which tells how fast those are.
+///
+/// Mutant: `unlike_excess` left out: 22, 320 and 684%.
+#[test]
+fn few_rays_tell_how_fast_unlike_devices_are() {
+    for (speeds, most) in
+        [(turns(&[1.0, 2.0, 4.0], 3), 12.0), (turns(&[1.0, 50.0, 50.0], 3), 10.0), (cores_and_card(), 10.0)]
+    {
+        let [(first, ..), _] = default_and_best(&speeds, 2 * speeds.len() as u32, 0.0);
+        assert!(first <= most, "{} devices: {first}%", speeds.len());
     }
 }
 
