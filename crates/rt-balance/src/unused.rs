@@ -66,7 +66,7 @@ const NOTHING_S: f64 = 1e-12;
 const TEST_S: f64 = 1e-9;
 
 /// What tasks are predicted to take. The first walks of a kind of rays are few and alike, and may tell nothing but that
-/// a launch costs something: then tasks would seem to cost nothing, whatever was counted. They cost what their tests do.
+/// a launch costs something: then tasks would seem to cost nothing, whatever was counted. They cost what tests do.
 fn priced(predicted_s: Vec<f64>, work: &[Work], tasks: &[Task]) -> Vec<f64> {
     let rays: f64 = tasks.iter().map(|task| f64::from(task.rays)).sum();
     if predicted_s.iter().copied().filter(|seconds| seconds.is_finite()).sum::<f64>() > NOTHING_S * rays {
