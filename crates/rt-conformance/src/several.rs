@@ -1,0 +1,111 @@
+//! Cases about several hits of a ray, and about primitives that a mask hides.
+
+use crate::Case;
+use crate::fixtures::{self, Fixture};
+use crate::need::{Need, has};
+use crate::session::{Session, ensure, same_hits};
+use rt_core::{Device, Hit, Precision, Query, RayMask, Scene, StreamSpec, random, tasks_of};
+use rt_verify::brute;
+use std::num::NonZero;
+use std::sync::Arc;
+
+pub(crate) const CASES: &[Case] = &[
+    Case {
+        name: "several_hits_are_those_of_every_triangle",
+        needs: &[Need::AllHits, Need::DefinedBits],
+        run: several_hits_are_those_of_every_triangle,
+    },
+    Case {
+        name: "hidden_primitives_are_passed_by",
+        needs: &[Need::Masks, Need::DefinedBits],
+        run: hidden_primitives_are_passed_by,
+    },
+];
+
+/// Places of a ray: only the nearest, fewer than many rays have hits, and more than any.
+const PLACES: [u32; 3] = [1, 3, 700];
+
+fn spec(query: Query, mask: u32) -> StreamSpec {
+    StreamSpec { mask, ..StreamSpec::new(query, Precision::Robust, false) }
+}
+
+fn all(most: u32) -> Query {
+    Query::All { most: NonZero::new(most).unwrap_or(NonZero::<u32>::MIN) }
+}
+
+/// What there is for each ray in so many places, by a test of every triangle that is shown.
+fn expected(fixture: &Fixture, places: usize, shows: impl Fn(u32) -> bool + Copy) -> Vec<Hit> {
+    let of = |&(ray, origin): &(_, u32)| {
+        let mut hits = brute::all(&fixture.triangles, &ray, origin, shows);
+        hits.resize(places, Hit::MISS);
+        hits
+    };
+    fixture.rays.iter().flat_map(of).collect()
+}
+
+fn several_hits_are_those_of_every_triangle(device: &dyn Device) -> Result<(), String> {
+    for fixture in fixtures::all()? {
+        for most in PLACES {
+            let what = format!("{}, at most {most} hits", fixture.name);
+            let expected = expected(fixture, most as usize, |_| true);
+            let mut session = Session::open(device, &fixture.scene)?;
+            session.load(&fixture.rays, spec(all(most), u32::MAX))?;
+            let launch = session.trace(&session.all(), None)?;
+            same_hits(&what, &launch.hits, &expected)?;
+
+            // In small tasks, without every third ray.
+            let mut done = RayMask::new(fixture.rays.len() as u32);
+            (0..fixture.rays.len() as u32).step_by(3).for_each(|ray| done.insert(ray));
+            let rest: Vec<Hit> = expected
+                .chunks(most as usize)
+                .enumerate()
+                .flat_map(|(ray, hits)| if ray % 3 == 0 { vec![Hit::MISS; hits.len()] } else { hits.to_vec() })
+                .collect();
+            let tasks = tasks_of(fixture.rays.len() as u32, 7);
+            let launch = session.trace(&tasks, Some(&Arc::new(done)))?;
+            same_hits(&format!("{what}, in tasks of 7, some rays done"), &launch.hits, &rest)?;
+        }
+        if has(device, Need::Counts) {
+            let counted = StreamSpec { counts: true, ..spec(all(3), u32::MAX) };
+            let launch = Session::whole(device, &fixture.scene, &fixture.rays, counted)?;
+            let is_hit = |hits: &[Hit]| hits.first().is_some_and(Hit::is_hit);
+            let uncounted = launch
+                .hits
+                .chunks(3)
+                .zip(&launch.counts)
+                .find(|(hits, count)| is_hit(hits) && (count.triangles == 0 || count.boxes == 0));
+            ensure!(uncounted.is_none(), "{}: {uncounted:?}: hits that took no test", fixture.name);
+        }
+    }
+    Ok(())
+}
+
+/// Masks of four kinds of primitives, told apart by two bits; one in five has none.
+fn masked(fixture: &Fixture) -> Result<Arc<Scene>, String> {
+    let mask = |id: u32| [0b0001, 0b0010, 0b0100, 0b0110, 0][random::below(5, id, 3, 0) as usize];
+    let masks = (0..fixture.scene.primitive_count()).map(mask).collect();
+    let scene = Scene::clone(&fixture.scene).with_masks(masks).map_err(|error| error.to_string())?;
+    Ok(Arc::new(scene))
+}
+
+fn hidden_primitives_are_passed_by(device: &dyn Device) -> Result<(), String> {
+    for fixture in fixtures::all()? {
+        let scene = masked(fixture)?;
+        for mask in [0b0001, 0b0110, 0b1000, u32::MAX, 0] {
+            let what = format!("{}, mask {mask:#b}", fixture.name);
+            let shows = |id: u32| scene.shows(id, mask);
+            let closest = Session::whole(device, &scene, &fixture.rays, spec(Query::Closest, mask))?;
+            same_hits(&what, &closest.hits, &expected(fixture, 1, shows))?;
+            let any = Session::whole(device, &scene, &fixture.rays, spec(Query::Any, mask))?;
+            for (ray, (hit, nearest)) in any.hits.iter().zip(&closest.hits).enumerate() {
+                let is_shown = !hit.is_hit() || shows(hit.primitive);
+                ensure!(hit.is_hit() == nearest.is_hit() && is_shown, "{what}, any hit, ray {ray}: {hit:?}");
+            }
+            if has(device, Need::AllHits) {
+                let several = Session::whole(device, &scene, &fixture.rays, spec(all(4), mask))?;
+                same_hits(&format!("{what}, at most 4 hits"), &several.hits, &expected(fixture, 4, shows))?;
+            }
+        }
+    }
+    Ok(())
+}
