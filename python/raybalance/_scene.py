@@ -107,10 +107,12 @@ class Scene:
         vertices = faces = 0
         for number, (title, mesh) in enumerate(named):
             try:
-                both = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else mesh
+                both = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else tuple(mesh)
+                if len(both) != 2:
+                    raise ValueError(f"{len(both)} parts; give vertices and faces, or what has both")
                 own = _arrays.points("vertices", both[0])
                 triangles = _arrays.faces(both[1], len(own))
-            except (IndexError, TypeError, ValueError) as error:
+            except (TypeError, ValueError) as error:
                 raise type(error)(f"meshes[{title or number!r}]: {error}") from None
             if vertices + len(own) >= 2**32 or faces + len(triangles) >= 2**32:
                 raise ValueError("meshes: more than 2**32 - 1 vertices or faces in all")
