@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
+use rt_core::arguments::check_spec;
 use rt_core::intersect::{Shear, round_distance, shear_axes};
 use rt_core::{
     Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
@@ -168,6 +169,7 @@ impl Device for FakeDevice {
             wide: self.wide.then(|| WideTree::new(&scene)),
             scene,
             clock,
+            capabilities: self.info.capabilities,
             flaw: self.flaw,
             source: RaySource::Explicit { rays: [].into(), origins: None },
             spec: StreamSpec::default(),
@@ -185,6 +187,7 @@ struct FakeTracer {
     /// What is walked instead of the scene's own tree.
     wide: Option<WideTree>,
     clock: Clock,
+    capabilities: Capabilities,
     flaw: Option<Flaw>,
     source: RaySource,
     spec: StreamSpec,
@@ -392,6 +395,7 @@ impl Tracer for FakeTracer {
         if self.has(Flaw::RefusesExtras) && (spec.counts || spec.precision != Precision::Robust) {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, "hits alone, and robust ones"));
         }
+        check_spec(&self.capabilities, &self.scene, spec)?;
         if !(self.loaded && self.has(Flaw::KeepsFirstRays)) {
             self.source = source;
         }

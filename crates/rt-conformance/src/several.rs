@@ -4,7 +4,9 @@ use crate::Case;
 use crate::fixtures::{self, Fixture};
 use crate::need::{Need, has};
 use crate::session::{Session, ensure, same_hits};
-use rt_core::{Device, Hit, Precision, Query, RayMask, Scene, StreamSpec, random, tasks_of};
+use rt_core::{
+    Device, DeviceErrorKind, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec, random, tasks_of,
+};
 use rt_verify::brute;
 use std::num::NonZero;
 use std::sync::Arc;
@@ -20,6 +22,7 @@ pub(crate) const CASES: &[Case] = &[
         needs: &[Need::Masks, Need::DefinedBits],
         run: hidden_primitives_are_passed_by,
     },
+    Case { name: "what_it_does_not_say_it_can_it_refuses", needs: &[], run: what_it_does_not_say_it_can_it_refuses },
 ];
 
 /// Places of a ray: only the nearest, fewer than many rays have hits, and more than any.
@@ -75,6 +78,28 @@ fn several_hits_are_those_of_every_triangle(device: &dyn Device) -> Result<(), S
                 .zip(&launch.counts)
                 .find(|(hits, count)| is_hit(hits) && (count.triangles == 0 || count.boxes == 0));
             ensure!(uncounted.is_none(), "{}: {uncounted:?}: hits that took no test", fixture.name);
+        }
+    }
+    Ok(())
+}
+
+/// Several hits and masks are refused by devices that lack them, and others go on as before.
+fn what_it_does_not_say_it_can_it_refuses(device: &dyn Device) -> Result<(), String> {
+    let fixture = fixtures::plain()?;
+    let (rays, origins) = fixture.rays.iter().copied().unzip::<_, _, Vec<Ray>, Vec<u32>>();
+    let source = || RaySource::Explicit { rays: rays.as_slice().into(), origins: Some(origins.as_slice().into()) };
+    let (plain, masked) = (Arc::clone(&fixture.scene), masked(fixture)?);
+    let asked = [(Need::AllHits, plain, spec(all(2), u32::MAX)), (Need::Masks, masked, spec(Query::Closest, u32::MAX))];
+    for (_, scene, spec) in asked.into_iter().filter(|(need, ..)| !has(device, *need)) {
+        let mut session = Session::open(device, &scene)?;
+        match session.tracer().load_rays(source(), spec) {
+            Err(error) if error.kind() == DeviceErrorKind::Unsupported => {}
+            Err(error) => return Err(format!("{spec:?}: {:?} ({error}), not Unsupported", error.kind())),
+            Ok(()) => return Err(format!("{spec:?}: accepted by a device that does not say it can")),
+        }
+        if scene.masks().is_none() {
+            session.load(&fixture.rays, StreamSpec::default())?;
+            session.trace(&session.all(), None)?;
         }
     }
     Ok(())
