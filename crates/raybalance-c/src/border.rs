@@ -253,8 +253,9 @@ pub unsafe extern "C" fn rb_device_name(tracer: *const rb_tracer, device: usize)
     tracer.and_then(|tracer| tracer.devices().get(device)).map_or(core::ptr::null(), |name| name.as_ptr())
 }
 
-/// Traces rays: `hits[i]` is the hit of `rays[i]`, unless `options` ask for several of each. `options` (null: the usual), `counts` (null: not counted) and `run`
-/// (null: not told) may be left out. Rays are copied. One thread traces at a time, others wait.
+/// Traces rays: `hits[i]` is the hit of `rays[i]`, unless `options` ask for several of each. `options` (null: the
+/// usual), `counts` (null: not counted) and `run` (null: not told) may be left out. Rays are copied. One thread traces at
+/// a time, others wait.
 ///
 /// # Safety
 /// `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each (`hits` to `most_hits`
