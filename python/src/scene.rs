@@ -8,9 +8,9 @@ use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyA
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rt_balance::{BuildError, Builder, InvalidTriangles};
-use rt_scene::{Geometry, Model};
 use rt_scene::prepare::{self, Options, PrepareError, Prepared};
 use rt_scene::progress::{LoadProgress, Watch};
+use rt_scene::{Geometry, Model};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
