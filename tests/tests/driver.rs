@@ -202,8 +202,8 @@ fn a_device_that_answers_wrongly_drops_out() {
     }
 }
 
-/// What a device does not say it can is not asked of it: it is left out, with a word on what to do. Mutants: it is asked
-/// all the same; it is left out where nothing is hidden; hits of a ray out of order are believed.
+/// What a device does not say it can is not asked of it: it is left out, with a word on what to do. Mutants: it is
+/// asked all the same; it is left out where nothing is hidden; hits of a ray out of order are believed.
 #[test]
 fn several_hits_and_masks_are_for_those_who_claim_them() {
     let Fixture { scene, stream, .. } = fixture();

@@ -84,9 +84,9 @@ pub(crate) struct Results<'a> {
 }
 
 impl Launches {
-    /// Whether these kernels trace a stream in a scene, and count it where it or a walk is `counted`. `robust` and `f64`
-    /// are the same hits; nothing here is `fast`'s, and what is counted are tests of this tree. They find one hit of a
-    /// ray and know no masks.
+    /// Whether these kernels trace a stream in a scene, and count it where it or a walk is `counted`. `robust` and
+    /// `f64` are the same hits; nothing here is `fast`'s, and what is counted are tests of this tree. They find one hit
+    /// of a ray and know no masks.
     pub(crate) fn suit(scene: &Scene, spec: StreamSpec, counted: bool) -> bool {
         let needs_scene = counted && matches!(spec.counted, CountedTree::Scene);
         let has_one_hit = !matches!(spec.query, Query::All { .. });

@@ -189,13 +189,13 @@ size_t rb_tracer_devices(const rb_tracer *tracer);
 const char *rb_device_name(const rb_tracer *tracer, size_t device);
 
 // Traces rays: `hits[i]` is the hit of `rays[i]`, unless `options` ask for several of each. `options` (null: the
-// usual), `counts` (null: not counted) and `run` (null: not told) may be left out. Rays are copied. One thread traces at
-// a time, others wait.
+// usual), `counts` (null: not counted) and `run` (null: not told) may be left out. Rays are copied. One thread traces
+// at a time, others wait.
 //
 // # Safety
 // `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each (`hits` to `most_hits`
-// times as many where that is above 1), which nobody else writes to meanwhile; `run` and `options` are null or point to
-// one.
+// times as many where that is above 1), which nobody else writes to meanwhile; `run` and `options` are null or point
+// to one.
 rb_status rb_trace(const rb_tracer *tracer,
                    const rb_ray *rays,
                    size_t count,

@@ -191,10 +191,10 @@ impl Balancer {
 
     /// Estimates, schedules and traces one stream.
     ///
-    /// `hits` has [`Query::hits_per_ray`](rt_core::Query::hits_per_ray) entries for each ray: one, unless the stream asks
-    /// for several. `counts` has one, which is filled when `stream.spec.counts` is set. Every ray is traced exactly
-    /// once, on whatever device, unless a device fails or is late; entries of tasks that were not finished keep their
-    /// values.
+    /// `hits` has [`Query::hits_per_ray`](rt_core::Query::hits_per_ray) entries for each ray: one, unless the stream
+    /// asks for several. `counts` has one, which is filled when `stream.spec.counts` is set. Every ray is traced
+    /// exactly once, on whatever device, unless a device fails or is late; entries of tasks that were not finished keep
+    /// their values.
     ///
     /// # Errors
     /// When an argument is wrong, or what the caller's estimator, policy or queue says: that costs no device. When the

@@ -64,13 +64,12 @@ impl Balancer {
     /// Devices, their prices and estimators stay.
     ///
     /// Where the same triangles moved, the tree's boxes are fitted, unless that makes rays more than [`MOST_GROWTH`]
-    /// times as expensive. Otherwise it is built as [`Balancer::building`] says. Masks and geometries stay with the ids of
-    /// their primitives.
+    /// times as expensive. Otherwise it is built as [`Balancer::building`] says. Masks and geometries stay with the ids
+    /// of their primitives.
     ///
     /// # Errors
-    /// When an index or a coordinate is invalid, or the scene has masks or geometries and the triangles are not as many:
-    /// then the scene is as before. When no device can take the scene: then
-    /// none is left.
+    /// When an index or a coordinate is invalid, or the scene has masks or geometries and the triangles are not as
+    /// many: then the scene is as before. When no device can take the scene: then none is left.
     pub fn update(&mut self, positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Result<Update, BalanceError> {
         let (mesh, options) = (Mesh::of_arrays(positions, indices), self.building);
         let cost = |scene: &Scene| TreeStats::of(scene).sah_cost;

@@ -58,8 +58,8 @@ fn expected(scene: &Scene, stream: &Stream) -> (Vec<Hit>, Vec<TestCounts>) {
     (hits, counts)
 }
 
-/// Mutants: places of one ray where those of another belong; hits of walked rays kept, of which there is one; tasks told
-/// with too few hits; counts in steps of hits.
+/// Mutants: places of one ray where those of another belong; hits of walked rays kept, of which there is one; tasks
+/// told with too few hits; counts in steps of hits.
 #[test]
 fn several_hits_arrive_whoever_traced_them() {
     let scene = tower();

@@ -311,8 +311,8 @@ impl Span {
 /// The results of a launch.
 #[derive(Clone, Debug, Default)]
 pub struct Launch {
-    /// [`Query::hits_per_ray`] for each ray of the launch's tasks, in their order. [`Hit::MISS`] for rays that were left
-    /// out.
+    /// [`Query::hits_per_ray`] for each ray of the launch's tasks, in their order. [`Hit::MISS`] for rays that were
+    /// left out.
     pub hits: Vec<Hit>,
     /// Exact counts beside the hits; empty unless the stream asked for them.
     pub counts: Vec<TestCounts>,

@@ -29,8 +29,8 @@ pub struct Model {
     pub has_floor: bool,
     /// What of it bends in the wind: see [`Wind`](crate::wind::Wind).
     pub plants: Vec<Plant>,
-    /// The parts that its source tells apart, in the order of their triangles: objects and groups of OBJ files, nodes of
-    /// glTF. None where it is one.
+    /// The parts that its source tells apart, in the order of their triangles: objects and groups of OBJ files, nodes
+    /// of glTF. None where it is one.
     pub geometries: Vec<Geometry>,
     /// A mask for each triangle ([`Scene::with_masks`]); none where all have all bits.
     pub masks: Vec<u32>,

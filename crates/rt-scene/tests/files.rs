@@ -196,7 +196,8 @@ fn gltf_is_read_with_its_nodes_in_their_places() {
     assert_eq!((corners(&loaded), loaded.libraries.len()), (two_squares(), 1));
 }
 
-/// Mutants: a part for a node without triangles; the mesh's name before the node's; parts that begin where the others do.
+/// Mutants: a part for a node without triangles; the mesh's name before the node's; parts that begin where the others
+/// do.
 #[test]
 fn nodes_are_parts_with_their_names() {
     let parts = |json: String| {

@@ -23,8 +23,8 @@ pub fn any(triangles: &[Triangle], ray: &Ray, origin: u32) -> bool {
     hits(triangles, 0..triangles.len() as u32, ray, origin).next().is_some()
 }
 
-/// Every hit of `ray` with what `shows` of the triangles, but for the triangle `origin`: in order of distance, and of ids
-/// where that is the same.
+/// Every hit of `ray` with what `shows` of the triangles, but for the triangle `origin`: in order of distance, and of
+/// ids where that is the same.
 #[must_use]
 pub fn all(triangles: &[Triangle], ray: &Ray, origin: u32, shows: impl Fn(u32) -> bool) -> Vec<Hit> {
     let ids = (0..triangles.len() as u32).filter(|&id| shows(id));

@@ -7,8 +7,8 @@ use alloc::vec::Vec;
 use glam::Vec3;
 
 /// Builds one scene of several meshes, which are its geometries: [`Scene::geometry_of`](rt_core::Scene::geometry_of)
-/// tells mesh and triangle of a hit. Primitive ids count the triangles of one mesh after the other, also in errors about
-/// coordinates. Vertices and indices are copied once.
+/// tells mesh and triangle of a hit. Primitive ids count the triangles of one mesh after the other, also in errors
+/// about coordinates. Vertices and indices are copied once.
 ///
 /// # Errors
 /// As for [`build`], and [`BuildError::IndexInMesh`] when an index is not below the number of its mesh's positions.

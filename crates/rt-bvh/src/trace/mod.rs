@@ -34,8 +34,8 @@ use walk::RayVisitor;
 /// Beside each ray stands the primitive it starts on, which it never hits (`u32::MAX`: none). The counts are zero
 /// unless `spec.counts` asks for them. An invalid ray (see [`Ray::is_valid`]) misses with zero counts.
 ///
-/// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the candidates. With
-/// [`Query::All`] it is the nearest: [`trace_several`] finds the others as well.
+/// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the candidates.
+/// With [`Query::All`] it is the nearest: [`trace_several`] finds the others as well.
 pub fn trace<R, S>(scene: &Scene, stack: &mut Stack, spec: StreamSpec, rays: R, mut sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,

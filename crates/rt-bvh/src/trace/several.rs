@@ -13,8 +13,8 @@ use alloc::vec;
 use core::ops::ControlFlow;
 use rt_core::{Hit, Precision, Query, Ray, Scene, StreamSpec, TestCounts};
 
-/// Traces rays and hands the hits of each to `sink`, in order: [`Query::hits_per_ray`] places, those beyond a ray's hits
-/// misses. Rays pass by what `spec.mask` hides.
+/// Traces rays and hands the hits of each to `sink`, in order: [`Query::hits_per_ray`] places, those beyond a ray's
+/// hits misses. Rays pass by what `spec.mask` hides.
 ///
 /// Beside each ray stands the primitive that it starts on, which it never hits (`u32::MAX`: none). The counts are zero
 /// unless `spec.counts` asks for them. An invalid ray (see [`Ray::is_valid`]) misses with zero counts.

@@ -26,8 +26,8 @@ struct Masks {
 }
 
 impl Scene {
-    /// The same scene with a mask for each primitive, by its id: rays pass by a primitive whose mask has none of the bits
-    /// of their own ([`StreamSpec::mask`](crate::StreamSpec::mask)). Without masks every primitive has all bits.
+    /// The same scene with a mask for each primitive, by its id: rays pass by a primitive whose mask has none of the
+    /// bits of their own ([`StreamSpec::mask`](crate::StreamSpec::mask)). Without masks every primitive has all bits.
     ///
     /// # Errors
     /// [`SceneError::MaskCount`] where there are not as many masks as [`Scene::primitive_count`].
