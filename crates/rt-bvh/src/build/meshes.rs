@@ -44,7 +44,6 @@ pub fn build_meshes(meshes: &[Mesh<'_>], options: &BuildOptions) -> Result<Built
 mod tests {
     use super::*;
     use crate::Stack;
-    use alloc::vec;
     use rt_core::{Hit, Ray, StreamSpec};
 
     /// Mutants: indices without the vertices of the meshes before; geometries counted by vertices; an index that only
@@ -71,6 +70,6 @@ mod tests {
         let wrong = build_meshes(&[meshes[0], Mesh::of_arrays(&near, &beyond)], &BuildOptions::default());
         assert_eq!(wrong.err(), Some(BuildError::IndexInMesh { mesh: 1, triangle: 0, index: 4, vertices: 4 }));
         let none = build_meshes(&[], &BuildOptions::default()).expect("an empty scene").scene;
-        assert_eq!(none.geometries().collect::<Vec<_>>(), vec![0..0]);
+        assert_eq!((none.geometries().next(), none.geometries().len()), (Some(0..0), 1));
     }
 }
