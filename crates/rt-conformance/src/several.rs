@@ -36,21 +36,27 @@ fn all(most: u32) -> Query {
     Query::All { most: NonZero::new(most).unwrap_or(NonZero::<u32>::MIN) }
 }
 
-/// What there is for each ray in so many places, by a test of every triangle that is shown.
-fn expected(fixture: &Fixture, places: usize, shows: impl Fn(u32) -> bool + Copy) -> Vec<Hit> {
-    let of = |&(ray, origin): &(_, u32)| {
-        let mut hits = brute::all(&fixture.triangles, &ray, origin, shows);
-        hits.resize(places, Hit::MISS);
-        hits
+/// All hits of each ray, by a test of every triangle.
+fn hits_of(fixture: &Fixture) -> Vec<Vec<Hit>> {
+    fixture.rays.iter().map(|(ray, origin)| brute::all(&fixture.triangles, ray, *origin, |_| true)).collect()
+}
+
+/// What there is for each ray in so many places, of the triangles that are shown.
+fn expected(hits: &[Vec<Hit>], places: usize, shows: impl Fn(u32) -> bool) -> Vec<Hit> {
+    let of = |hits: &Vec<Hit>| {
+        let mut shown: Vec<Hit> = hits.iter().filter(|hit| shows(hit.primitive)).copied().collect();
+        shown.resize(places, Hit::MISS);
+        shown
     };
-    fixture.rays.iter().flat_map(of).collect()
+    hits.iter().flat_map(of).collect()
 }
 
 fn several_hits_are_those_of_every_triangle(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
+        let hits = hits_of(fixture);
         for most in PLACES {
             let what = format!("{}, at most {most} hits", fixture.name);
-            let expected = expected(fixture, most as usize, |_| true);
+            let expected = expected(&hits, most as usize, |_| true);
             let mut session = Session::open(device, &fixture.scene)?;
             session.load(&fixture.rays, spec(all(most), u32::MAX))?;
             let launch = session.trace(&session.all(), None)?;
@@ -115,12 +121,12 @@ fn masked(fixture: &Fixture) -> Result<Arc<Scene>, String> {
 
 fn hidden_primitives_are_passed_by(device: &dyn Device) -> Result<(), String> {
     for fixture in fixtures::all()? {
-        let scene = masked(fixture)?;
+        let (scene, hits) = (masked(fixture)?, hits_of(fixture));
         for mask in [0b0001, 0b0110, 0b1000, u32::MAX, 0] {
             let what = format!("{}, mask {mask:#b}", fixture.name);
             let shows = |id: u32| scene.shows(id, mask);
             let closest = Session::whole(device, &scene, &fixture.rays, spec(Query::Closest, mask))?;
-            same_hits(&what, &closest.hits, &expected(fixture, 1, shows))?;
+            same_hits(&what, &closest.hits, &expected(&hits, 1, shows))?;
             let any = Session::whole(device, &scene, &fixture.rays, spec(Query::Any, mask))?;
             for (ray, (hit, nearest)) in any.hits.iter().zip(&closest.hits).enumerate() {
                 let is_shown = !hit.is_hit() || shows(hit.primitive);
@@ -128,7 +134,7 @@ fn hidden_primitives_are_passed_by(device: &dyn Device) -> Result<(), String> {
             }
             if has(device, Need::AllHits) {
                 let several = Session::whole(device, &scene, &fixture.rays, spec(all(4), mask))?;
-                same_hits(&format!("{what}, at most 4 hits"), &several.hits, &expected(fixture, 4, shows))?;
+                same_hits(&format!("{what}, at most 4 hits"), &several.hits, &expected(&hits, 4, shows))?;
             }
         }
     }
