@@ -21,7 +21,7 @@ use rt_render::memory;
 use rt_report::exit::Exit;
 use rt_report::print::StdoutError;
 use rt_report::usage::usage;
-use rt_report::{chart, html, output, report, table};
+use rt_report::{html, output, report, table};
 use std::process::ExitCode;
 
 /// Runs the command line; `--help` lists the exit codes.

@@ -4,20 +4,19 @@ use crate::args::RenderArgs;
 use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
 use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
-use crate::{chart, html, interrupt, output, progress, ranks, scene};
+use crate::{html, interrupt, output, progress, ranks, scene};
 use anyhow::Result;
 use glam::DVec3;
-use rt_balance::report::StreamRun;
 use rt_balance::{Balancer, Limits};
 use rt_cluster::Shard;
 use rt_core::Device;
 use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
-use rt_report::chart::cost::{self, CostMap, CostMaps};
+use rt_report::chart::cost::CostMaps;
 use rt_report::headline::Headline;
 use rt_report::pictures::{Part, Pictures};
 use rt_report::print::{Stdout, note};
 use rt_report::usage::{OrUsage, usage};
-use rt_report::{Provenance, recipe, tasks, terminal};
+use rt_report::{Provenance, charts, recipe, terminal};
 use rt_scene::camera::{CameraMotion, CameraPath};
 use rt_scene::wind::Wind;
 use rt_scene::{Model, View};
@@ -26,16 +25,6 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
-
-/// What is written beside pictures, and what it is.
-const FILES: [(&str, &str); 6] = [
-    ("cost.png", "estimated beside measured cost of each part of the picture"),
-    ("timeline.svg", "what each device did when"),
-    ("trace.json", "the same for Perfetto or chrome://tracing, to zoom into"),
-    ("report.json", "all numbers"),
-    ("tasks.csv", "the numbers of every task"),
-    ("report.html", "this page"),
-];
 
 /// The orbit's angle between two frames unless another is asked for: a slow turn, so that the previous frame says much
 /// about the next.
@@ -61,12 +50,13 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let scheduling = args.balance.scheduling()?;
     let report_name = report_name(args);
     // What a shard knows is a part, of which charts would say little.
-    let files = args.shard.map_or_else(|| FILES.map(|(name, _)| name).to_vec(), |_| vec![&report_name[..]]);
-    let outputs = outputs(args, &files);
+    let files = charts::files(args.exr);
+    let names_of_files = || files.iter().map(|(name, _)| *name).collect();
+    let outputs = outputs(args, &args.shard.map_or_else(names_of_files, |_| vec![&report_name[..]]));
     scene::check([scene_of(args)])?;
     outputs.check()?;
     check(args)?;
-    if let Some(left) = Pictures::new(&args.out, &args.frames).leftovers() {
+    if let Some(left) = named(args).leftovers() {
         note(format_args!("note: {left}"));
     }
     let RenderArgs { size, spp: samples, bounces, .. } = *args;
@@ -125,7 +115,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
         note(format_args!("note: {}; {report_name} says more, charts and page are not made", pictures.told(args.spp)));
     } else {
         if args.shard.is_none() {
-            write_charts(args, costs.maps(), &runs, &provenance)?;
+            charts::write(&args.out, args.exr, costs.maps(), &runs, &provenance)?;
         }
         pictures.write_sheet()?;
     }
@@ -148,7 +138,7 @@ fn alone(args: &RenderArgs) -> Result<()> {
     interrupt::check()?;
     if args.shard.is_none() {
         let (maps, picture) = (costs.maps(), &pictures.main());
-        let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &FILES };
+        let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &files };
         rendered.write(&args.out.join("report.html"))?;
     }
     drop(bar);
@@ -161,6 +151,11 @@ fn alone(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
+/// The pictures that are asked for.
+fn named(args: &RenderArgs) -> Pictures {
+    Pictures::new(&args.out, &args.frames).with_exr(args.exr)
+}
+
 /// Writes a frame with so many samples of each pixel.
 pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u32) -> Result<()> {
     Ok(pictures.write((film.size(), film.sums()), || film.exposure(samples), frame, samples)?)
@@ -168,7 +163,7 @@ pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u
 
 /// The pictures that are to be rendered with this motion of the camera.
 pub(crate) fn pictures(args: &RenderArgs, renderer: &Renderer<'_>, motion: &CameraMotion) -> Result<Pictures> {
-    let pictures = Pictures::new(&args.out, &args.frames);
+    let pictures = named(args);
     if !args.frames.is_animation() {
         return Ok(pictures);
     }
@@ -291,6 +286,9 @@ fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
 /// Whether the scene is there and the camera path is one, before any of it is worked on.
 pub(crate) fn check(args: &RenderArgs) -> Result<()> {
     scene::check([scene_of(args)])?;
+    if args.exr {
+        rt_report::exr::check().or_usage("--exr")?;
+    }
     args.camera.as_deref().map_or(Ok(()), |file| Ok(CameraPath::read(file).map(drop)?))
 }
 
@@ -300,7 +298,7 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 
 /// The pictures and `files` in the folder of results.
 pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
-    let pictures = Pictures::new(&args.out, &args.frames);
+    let pictures = named(args);
     let names = pictures.files().chain(files.iter().map(PathBuf::from));
     let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
     args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
@@ -336,19 +334,6 @@ fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraM
     motion.check(0..1)?;
     motion.check(args.frames.range())?;
     Ok(motion)
-}
-
-fn write_charts(args: &RenderArgs, costs: &[CostMap], runs: &[StreamRun], provenance: &Provenance) -> Result<()> {
-    let path = |name| args.out.join(name);
-    let (maps, tables) = rayon::join(
-        || cost::write_png(&path("cost.png"), costs),
-        || {
-            chart::timeline::write_svg(&path("timeline.svg"), runs, provenance)?;
-            chart::trace::write_json(&path("trace.json"), runs, provenance)?;
-            tasks::write_csv(&path("tasks.csv"), runs, provenance)
-        },
-    );
-    Ok(maps.and(tables)?)
 }
 
 /// What devices call themselves.

@@ -38,6 +38,51 @@ fn a_picture_depends_on_its_seed_alone() {
     assert!(rendered(&[&seed[..], &["--devices", "cpu:1"]].concat()) != picture, "the seed changes nothing");
 }
 
+/// Fails when radiance depends on who traced what, is exposed as the picture is, or a frame counts as whole whose file
+/// of radiance is not there.
+#[cfg(feature = "exr")]
+#[test]
+fn radiance_and_costs_are_there_as_numbers() {
+    use exr::prelude::{read_all_flat_layers_from_file, read_first_rgba_layer_from_file};
+    let dir = tempfile::tempdir().expect("a folder");
+    let common = ["yard", "--size", "61x40", "--spp", "2", "--exr"];
+    let radiance = |out: &str, more: &[&str]| {
+        let out = dir.path().join(out);
+        let run = render(&out, &[&common, more].concat());
+        assert!(run.status.success(), "{more:?}: {}", String::from_utf8_lossy(&run.stderr));
+        let read = read_first_rgba_layer_from_file(
+            out.join("image.exr"),
+            |size, _| (size, Vec::new()),
+            |(_, pixels): &mut (_, Vec<[f32; 3]>), _, (r, g, b, _): (f32, f32, f32, f32)| pixels.push([r, g, b]),
+        );
+        read.expect("radiance").layer_data.channel_data.pixels
+    };
+    let (size, pixels) = radiance("one", &["--devices", "cpu:1"]);
+    assert_eq!(((size.0, size.1), pixels.len()), ((61, 40), 61 * 40));
+    assert!(pixels.as_flattened().iter().all(|radiance| radiance.is_finite() && *radiance >= 0.0));
+    // The sun and the sky of these scenes are far brighter than white.
+    let brightest = pixels.as_flattened().iter().copied().fold(0.0, f32::max);
+    assert!(brightest > 1.5, "{brightest}");
+    let other = radiance("two", &["--devices", "cpu:1,cpu:1", "--task-size", "64", "--memory", "1M"]);
+    assert!((size, pixels) == other, "other radiance on other devices");
+
+    let costs = read_all_flat_layers_from_file(dir.path().join("one/cost.exr")).expect("costs");
+    let channels = &costs.layer_data[0].channel_data.list;
+    let named = |name: &str| channels.iter().find(|channel| channel.name.to_string() == name);
+    let measured: Vec<f32> = named("primary.measured_ns").expect("a channel").sample_data.values_as_f32().collect();
+    assert!(measured.len() == 61 * 40 && measured.iter().all(|ns| *ns > 0.0), "each pixel has a primary ray");
+    assert!(named("shadow_0.measured_ns").is_some());
+
+    let out = dir.path().join("frames");
+    let frames = |more: &[&str]| render(&out, &[&common[..5], &["--frames", "2", "--devices", "cpu:1"], more].concat());
+    assert!(frames(&[]).status.success());
+    let exr = out.join("image-0001.exr");
+    assert!(!exr.exists());
+    assert!(frames(&["--exr"]).status.success() && exr.exists());
+    let again = frames(&["--exr"]);
+    assert!(String::from_utf8_lossy(&again.stderr).contains("2 of 2 frames are whole"), "{again:?}");
+}
+
 /// A picture that is to be there in no time has its first pass, and says so.
 ///
 /// Fails when the time is not looked at, or a picture of one sample is divided by those that were asked for.

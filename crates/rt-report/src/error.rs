@@ -20,6 +20,8 @@ pub enum ReportError {
     },
     /// The font that comes with the program is broken.
     Font,
+    /// This build writes no OpenEXR files.
+    NoExr,
     /// A file that was read is not what it should be.
     Content {
         /// The file.
@@ -65,6 +67,7 @@ impl fmt::Display for ReportError {
                 write!(f, "{found} radiances for a picture of {width} × {height}")
             }
             Self::Font => write!(f, "the embedded font is broken"),
+            Self::NoExr => write!(f, "this build writes no OpenEXR files: build it with the feature `exr`"),
             Self::Content { path, what } => write!(f, "`{}`: {what}", path.display()),
             Self::Read { path, .. } => write!(f, "cannot read `{}`", path.display()),
             Self::Write { path, .. } => write!(f, "cannot write `{}`", path.display()),

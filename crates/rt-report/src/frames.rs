@@ -6,6 +6,7 @@ use crate::{Provenance, ReportError};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::fs;
+use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -92,12 +93,33 @@ struct Kept {
     /// Samples of each pixel.
     samples: u32,
     /// Of the picture's file.
-    bytes: u64,
-    crc32: u32,
+    #[serde(flatten)]
+    picture: Checksum,
+    /// Of the file with its radiance, if that was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    exr: Option<Checksum>,
     /// Wall seconds that rendering it took.
     seconds: f64,
     /// The same of the frame that was there before, if one was.
     seconds_before: Option<f64>,
+}
+
+/// By which a file is known again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Checksum {
+    bytes: u64,
+    crc32: u32,
+}
+
+impl Checksum {
+    fn of(file: &Path) -> io::Result<Self> {
+        let bytes = fs::read(file)?;
+        Ok(Self { bytes: bytes.len() as u64, crc32: crc32fast::hash(&bytes) })
+    }
+
+    fn is_of(self, file: &Path) -> bool {
+        Self::of(file).is_ok_and(|found| found == self)
+    }
 }
 
 fn written(fingerprint: u64) -> String {
@@ -114,10 +136,12 @@ fn kept(picture: &Path) -> Option<Kept> {
     serde_json::from_slice(&fs::read(beside(picture)).ok()?).ok()
 }
 
-/// Whether a picture is there as it is to be, if everything that decides what it is has this fingerprint.
-pub(crate) fn is_whole(picture: &Path, fingerprint: u64) -> bool {
+/// Whether a picture is there as it is to be, and the file with its radiance if one is asked for, if everything that
+/// decides what it is has this fingerprint.
+pub(crate) fn is_whole(picture: &Path, exr: Option<&Path>, fingerprint: u64) -> bool {
     kept(picture).filter(|kept| kept.fingerprint == written(fingerprint)).is_some_and(|kept| {
-        fs::read(picture).is_ok_and(|bytes| bytes.len() as u64 == kept.bytes && crc32fast::hash(&bytes) == kept.crc32)
+        let is_radiance = |exr: &Path| kept.exr.is_some_and(|checksum| checksum.is_of(exr));
+        kept.picture.is_of(picture) && exr.is_none_or(is_radiance)
     })
 }
 
@@ -139,6 +163,8 @@ pub(crate) struct Rendered<'a> {
     pub(crate) samples: u32,
     /// Of everything that decides what the picture is.
     pub(crate) fingerprint: u64,
+    /// The file with its radiance, if that was written too.
+    pub(crate) exr: Option<&'a Path>,
     /// Wall seconds that it took.
     pub(crate) seconds: f64,
     /// Those of the run before.
@@ -149,13 +175,13 @@ pub(crate) struct Rendered<'a> {
 
 /// Notes that a picture is whole.
 pub(crate) fn note(picture: &Path, rendered: &Rendered<'_>) -> Result<(), ReportError> {
-    let Rendered { frame, samples, fingerprint, seconds, seconds_before, provenance } = *rendered;
-    let bytes = fs::read(picture).map_err(|source| ReportError::read(picture, source))?;
+    let Rendered { frame, samples, fingerprint, exr, seconds, seconds_before, provenance } = *rendered;
+    let checksum = |file: &Path| Checksum::of(file).map_err(|source| ReportError::read(file, source));
     let kept = Kept {
         fingerprint: written(fingerprint),
         samples,
-        bytes: bytes.len() as u64,
-        crc32: crc32fast::hash(&bytes),
+        picture: checksum(picture)?,
+        exr: exr.map(checksum).transpose()?,
         seconds,
         seconds_before,
     };
@@ -179,6 +205,34 @@ mod tests {
         }
     }
 
+    /// Mutants: a frame taken for whole whose radiance was never written, or changed, or is an earlier run's.
+    #[test]
+    fn radiance_belongs_to_a_frame_where_it_is_asked_for() {
+        let dir = tempfile::tempdir().unwrap();
+        let [picture, exr] = ["image-0003.png", "image-0003.exr"].map(|name| dir.path().join(name));
+        [&picture, &exr].iter().for_each(|file| fs::write(file, "pixels").unwrap());
+        let provenance = Provenance::now(1, ["cpu:1"]);
+        let rendered = Rendered {
+            frame: 3,
+            samples: 16,
+            fingerprint: 7,
+            exr: None,
+            seconds: 2.5,
+            seconds_before: None,
+            provenance: &provenance,
+        };
+        let known = || [None, Some(&*exr)].map(|exr| is_whole(&picture, exr, 7));
+        note(&picture, &rendered).unwrap();
+        assert_eq!(known(), [true, false]);
+        note(&picture, &Rendered { exr: Some(&exr), ..rendered }).unwrap();
+        assert_eq!(known(), [true, true]);
+        fs::write(&exr, "pixelz").unwrap();
+        assert_eq!(known(), [true, false]);
+        fs::remove_file(&exr).unwrap();
+        assert_eq!(known(), [true, false]);
+        assert!(note(&picture, &Rendered { exr: Some(&exr), ..rendered }).is_err());
+    }
+
     /// Mutants: a picture that was changed, or is another one's, taken for whole; seconds of this run in place of those
     /// of the one before.
     #[test]
@@ -186,7 +240,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let picture = dir.path().join("image-0003.png");
         let provenance = Provenance::now(1, ["cpu:1"]);
-        let known = |fingerprint: u64| (is_whole(&picture, fingerprint), seconds_before(&picture, fingerprint));
+        let known = |fingerprint: u64| (is_whole(&picture, None, fingerprint), seconds_before(&picture, fingerprint));
         assert_eq!(known(7), (false, None));
         fs::write(&picture, "pixels").unwrap();
         assert_eq!(known(7), (false, None));
@@ -194,6 +248,7 @@ mod tests {
             frame: 3,
             samples: 16,
             fingerprint: 7,
+            exr: None,
             seconds: 2.5,
             seconds_before: None,
             provenance: &provenance,

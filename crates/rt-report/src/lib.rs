@@ -5,9 +5,11 @@
 #![forbid(unsafe_code)]
 
 pub mod chart;
+pub mod charts;
 pub mod diff;
 mod error;
 pub mod exit;
+pub mod exr;
 pub mod frames;
 pub mod headline;
 pub mod html;

@@ -2,9 +2,10 @@
 
 use crate::frames::{self, Frames, Rendered};
 use crate::output::names;
-use crate::{Provenance, ReportError, image};
+use crate::{Provenance, ReportError, charts, exr, image};
 use glam::Vec3;
 use rt_cluster::Shard;
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -19,6 +20,8 @@ const ALONE: &str = "image.png";
 pub struct Pictures {
     folder: PathBuf,
     frames: Frames,
+    /// Whether each is written in OpenEXR as well.
+    with_exr: bool,
     /// That of all frames of an animation, and for each of everything that decides what it is.
     animation: Option<(f32, Vec<u64>)>,
     /// The frame that was written last, and how many samples it has.
@@ -36,6 +39,7 @@ impl Pictures {
         Self {
             folder: folder.to_owned(),
             frames: frames.clone(),
+            with_exr: false,
             animation: None,
             last: None,
             written: 0,
@@ -50,10 +54,18 @@ impl Pictures {
         Self { animation: Some((exposure, fingerprints)), ..self }
     }
 
+    /// The same with the radiance of each in a file of OpenEXR beside it, if that is asked for.
+    #[must_use]
+    pub fn with_exr(self, with_exr: bool) -> Self {
+        Self { with_exr, ..self }
+    }
+
     /// The names of all files: the pictures and, of an animation, what lies beside each and the sheet.
     pub fn files(&self) -> impl Iterator<Item = PathBuf> {
         let beside = self.frames.is_animation().then(|| self.names().map(frames::beside));
-        self.names().map(PathBuf::from).chain(beside.into_iter().flatten()).chain(self.sheet().map(PathBuf::from))
+        let in_exr = self.with_exr.then(|| self.names().map(exr_beside));
+        let beside = beside.into_iter().flatten().chain(in_exr.into_iter().flatten());
+        self.names().map(PathBuf::from).chain(beside).chain(self.sheet().map(PathBuf::from))
     }
 
     fn names(&self) -> impl Iterator<Item = String> {
@@ -66,6 +78,11 @@ impl Pictures {
 
     fn path(&self, frame: u32) -> PathBuf {
         self.folder.join(self.name(frame))
+    }
+
+    /// Where a frame's radiance is, if it is asked for.
+    fn exr(&self, frame: u32) -> Option<PathBuf> {
+        self.with_exr.then(|| exr_beside(self.path(frame)))
     }
 
     /// The name of the sheet with all frames, of an animation.
@@ -92,7 +109,9 @@ impl Pictures {
     }
 
     fn is_whole(&self, frame: u32) -> bool {
-        self.fingerprint(frame).is_some_and(|fingerprint| frames::is_whole(&self.path(frame), fingerprint))
+        let exr = self.exr(frame);
+        let is_whole = |fingerprint| frames::is_whole(&self.path(frame), exr.as_deref(), fingerprint);
+        self.fingerprint(frame).is_some_and(is_whole)
     }
 
     fn seconds_before(&self, frame: u32) -> Option<f64> {
@@ -106,7 +125,9 @@ impl Pictures {
     pub fn note(&self, frame: u32, seconds: f64, provenance: &Provenance) -> Result<(), ReportError> {
         let (Some(fingerprint), Some((_, samples))) = (self.fingerprint(frame), self.last) else { return Ok(()) };
         let seconds_before = self.seconds_before(frame);
-        let rendered = Rendered { frame, samples, fingerprint, seconds, seconds_before, provenance };
+        let exr = self.exr(frame);
+        let exr = exr.as_deref();
+        let rendered = Rendered { frame, samples, fingerprint, exr, seconds, seconds_before, provenance };
         frames::note(&self.path(frame), &rendered)
     }
 
@@ -131,6 +152,9 @@ impl Pictures {
         let begin = Instant::now();
         let exposure = self.animation.as_ref().map_or_else(exposure, |(exposure, _)| *exposure);
         image::write_png(&self.path(frame), size, sums, exposure / samples as f32)?;
+        if let Some(path) = self.exr(frame) {
+            exr::write_picture(&path, size, sums, samples)?;
+        }
         // Passes of a frame follow each other.
         self.written += u32::from(self.last.is_none_or(|(last, _)| last != frame));
         self.last = Some((frame, samples));
@@ -172,13 +196,19 @@ impl Pictures {
     /// Pictures of earlier runs that will lie beside these, in a sentence; `None` where there is none.
     #[must_use]
     pub fn leftovers(&self) -> Option<String> {
-        let number = |name: &str| name.strip_prefix("image-")?.strip_suffix(".png")?.parse::<u32>().ok();
-        let is_picture = |name: &str| name == SHEET || name == ALONE || number(name).is_some();
-        let is_own = |name: &str| match number(name) {
-            Some(frame) => self.frames.is_animation() && self.frames.range().contains(&frame),
-            None => (name == SHEET) == self.frames.is_animation(),
+        let ends_so = |name: &str| name.ends_with(".png") || name.ends_with(".exr");
+        let is_numbered = |name: &str| {
+            let number = name.strip_prefix("image-").and_then(|rest| rest.split_once('.')).map(|(number, _)| number);
+            number.is_some_and(|number| number.parse::<u32>().is_ok())
         };
-        let left = names(&self.folder, |name| is_picture(name) && !is_own(name));
+        let is_picture =
+            |name: &str| ends_so(name) && (is_numbered(name) || name.starts_with("image.")) || name == SHEET;
+        let mut own: HashSet<PathBuf> = self.files().collect();
+        if self.with_exr {
+            own.insert(charts::COSTS_EXR.into());
+        }
+        let is_left = |name: &str| (is_picture(name) || name == charts::COSTS_EXR) && !own.contains(Path::new(name));
+        let left = names(&self.folder, is_left);
         let first = left.first()?;
         let folder = self.folder.display();
         Some(match left.len() {
@@ -186,6 +216,11 @@ impl Pictures {
             count => format!("{count} pictures in {folder} will be of an earlier run: {first} and others"),
         })
     }
+}
+
+/// The file of a picture's radiance.
+fn exr_beside(picture: impl AsRef<Path>) -> PathBuf {
+    picture.as_ref().with_extension("exr")
 }
 
 /// What one of several processes renders of an animation.

@@ -79,6 +79,9 @@ pub(crate) struct RenderArgs {
     /// Folder for image.png, cost.png, timeline.svg, trace.json, tasks.csv, report.json and report.html
     #[arg(long, help_heading = heading::OUTPUT, default_value = "out", value_name = "DIR")]
     pub(crate) out: PathBuf,
+    /// Write radiance and costs as numbers too: image.exr and cost.exr (OpenEXR)
+    #[arg(long, help_heading = heading::OUTPUT)]
+    pub(crate) exr: bool,
     /// Folder that keeps what is finished, so that the same command goes on where it was stopped or killed, with any
     /// number of processes; only pictures and report.json are written then
     #[arg(long, help_heading = heading::MACHINES, value_name = "DIR")]

@@ -33,6 +33,39 @@ pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::R
     written.map_err(|source| ReportError::write(path, source))
 }
 
+/// What is written to, and gone back in.
+#[cfg(feature = "exr")]
+pub(crate) trait WriteSeek: Write + io::Seek {}
+
+#[cfg(feature = "exr")]
+impl<W: Write + io::Seek> WriteSeek for W {}
+
+/// [`write_atomically`] for formats that fill in their beginning at the end. What is no regular file gets all of it at
+/// once, from memory.
+#[cfg(feature = "exr")]
+pub(crate) fn write_seeking(
+    path: &Path,
+    write: impl FnOnce(&mut dyn WriteSeek) -> io::Result<()>,
+) -> Result<(), ReportError> {
+    match Place::of(path) {
+        Ok(Place::File { path: file, about }) => {
+            let written = Partial::create(&file).and_then(|partial| {
+                let mut buffer = BufWriter::new(partial.file());
+                write(&mut buffer)?;
+                buffer.flush()?;
+                drop(buffer);
+                partial.persist(&file, about.as_ref())
+            });
+            written.map_err(|source| ReportError::write(path, source))
+        }
+        _ => {
+            let mut memory = io::Cursor::new(Vec::new());
+            write(&mut memory).map_err(|source| ReportError::write(path, source))?;
+            write_atomically(path, |out| out.write_all(memory.get_ref()))
+        }
+    }
+}
+
 fn replace(
     path: &Path,
     before: Option<&Metadata>,
