@@ -10,13 +10,25 @@ use alloc::vec::Vec;
 use core::ops::Range;
 use rt_core::{CostModel, TaskId, Work};
 
-/// Share of a device's list that its next launch takes, without a unit, where costs are known.
+/// Share of a device's list that its next launch takes, without a unit, where costs are known and the device has
+/// nothing in flight.
 ///
-/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them. With two launches in flight 5/9 of
-/// a list are committed before anything is known; with a half it would be 3/4, and from 0.7 on too little is left to
-/// mend bad estimates (simulated: 8 devices, 1,024 tasks, error 30%, excess 0.67, 1.2 and 2.5%; with one launch in
-/// flight 0.51, 0.47 and 0.85%). Smaller shares only add launches.
+/// Launches shrink geometrically, about `log(tasks per device) / log(3/2)` of them, with a pause for each hand-over.
+/// Smaller shares only add launches, and from 0.5 on too little is left to mend bad estimates (simulated: 8 devices,
+/// 1,024 tasks, error 30%, one launch in flight, excess 0.51% with a third, 0.47% with a half and 0.85% with 0.7).
 const LAUNCH_SHARE: f64 = 1.0 / 3.0;
+
+/// The same where the device has a launch in flight, so that there is no pause.
+///
+/// What is in flight is not taken back. Of two launches of a third that is 5/9 of what a device has left: one that then
+/// drops to a quarter of its speed is alone with that at the end, a third of the frame. Of two launches of an eighth it
+/// is less than a quarter, which the device ends about when the others have done the rest (simulated: 31% above the
+/// bound, and 0.6%).
+const NEXT_SHARE: f64 = 1.0 / 8.0;
+
+/// Share of the stream that such launches take at least, in a device's fair share of it, but no more than a
+/// [`LAUNCH_SHARE`] of the list, without a unit: too little to be missed at the end, enough to hide most hand-overs.
+const LEAST_NEXT: f64 = 2.0 * FIRST;
 
 /// The same where costs are not known: one of several launches may be far more expensive than was thought.
 const CAUTIOUS_SHARE: f64 = 1.0 / 12.0;
@@ -31,6 +43,10 @@ const FIRST: f64 = 1.0 / 256.0;
 /// a processor.
 const NEIGHBOURS: usize = 16;
 
+/// So many launches of a device of which nothing is known are each a task longer than the one before, so that they tell
+/// what one costs also where all would else be of one task.
+const TRIED: f64 = 2.0;
+
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
 const GROWTH: f64 = 0.5;
 
@@ -43,12 +59,12 @@ const VICTIMS: usize = 32;
 /// who start from a static assignment and correct it while it runs. Speeds are predicted first, and believed until what
 /// devices have finished contradicts them.
 ///
-/// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (a twelfth
-/// where costs are not known), begins small and grows with what the device has finished, but is no less than a launch
-/// costs. A device with an empty list steals from the one that would end last, from the end of its list, where an LPT
-/// list has its smallest tasks: those that it would itself end no later. Where it would overrun the schedule, a device
-/// leaves to a faster one what that ends sooner even after all else, and takes no second launch when one lasts until
-/// all will be done.
+/// A launch takes a third of the device's list, or of its fair share of all that is left where that is less (an eighth
+/// behind another one in flight, a twelfth where costs are not known), begins small and grows with what the device has
+/// finished, but is no less than a launch costs. A device with an empty list steals from the one that would end last,
+/// from the end of its list, where an LPT list has its smallest tasks: those that it would itself end no later. Where
+/// it would overrun the schedule, a device leaves to a faster one what that ends sooner even after all else, and takes
+/// no second launch when one lasts until all will be done.
 ///
 /// So with exact costs and speeds a run takes no longer than its schedule says, but for launches: no step puts off the
 /// last end. What a lost device leaves behind goes to whoever is idle.
@@ -126,27 +142,39 @@ impl HybridQueue {
         self.before[range.end as usize] - self.before[range.start as usize]
     }
 
+    /// A device's fair share of whatever there is.
+    fn part(&self, device: usize) -> f64 {
+        self.paces.of(device).speed / self.paces.together(&self.ledger).max(f64::MIN_POSITIVE)
+    }
+
     /// A device's fair share of all that is in lists.
     fn fair(&self, device: usize) -> f64 {
-        self.paces.open() * self.paces.of(device).speed / self.paces.together(&self.ledger).max(f64::MIN_POSITIVE)
+        self.paces.open() * self.part(device)
     }
 
     /// Number of tasks that the next launch takes from the front of `range`, which is not empty.
     fn launch_size(&self, device: usize, range: &Range<u32>) -> u32 {
         let (start, end) = (range.start as usize, range.end as usize);
         let list = self.before[end] - self.before[start];
-        let part = if self.paces.are_costs_known() { LAUNCH_SHARE } else { CAUTIOUS_SHARE };
         let fair = list.min(self.fair(device) / (2.0 * self.paces.range(device) - 1.0));
-        let cautious = part * fair;
-        let (own, first) = match self.paces.is_anything_known() {
-            true => (list, self.first[device]),
+        let cautious = match (self.paces.are_costs_known(), self.paces.is_busy(device)) {
+            (false, _) => CAUTIOUS_SHARE * fair,
+            (true, false) => LAUNCH_SHARE * fair,
+            (true, true) => (NEXT_SHARE * fair).max((LAUNCH_SHARE * fair).min(LEAST_NEXT * self.part(device))),
+        };
+        let (own, first, tried) = match self.paces.is_anything_known() {
+            true => (list, self.first[device], 0.0),
             // A list that was cut for another speed than the device turns out to have is not its to launch. Launches of
             // several sizes tell what one costs from what its tasks take.
-            false => (fair, self.first[device] + self.paces.mean_share() * self.paces.ended(device)),
+            false => {
+                let ended = self.paces.ended(device);
+                let grown = self.first[device] + self.paces.mean_share() * ended;
+                (fair, grown, if ended <= TRIED { grown.min(fair / 8.0) } else { 0.0 })
+            }
         };
         let (launches, worth) = self.paces.launches(device, own);
         let first = first.max(own * libm::exp2(1.0 - launches));
-        let share = cautious.max(worth * own).min(GROWTH * self.paces.sure(device) + first);
+        let share = cautious.max(tried).max(worth * own).min(GROWTH * self.paces.sure(device) + first);
         let count = self.before[start + 1..=end].partition_point(|&s| s <= self.before[start] + share).max(1);
         count.min(end - start) as u32
     }

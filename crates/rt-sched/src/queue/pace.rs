@@ -322,6 +322,11 @@ impl Paces {
         self.devices[device].launches[1].load(Relaxed) as f64
     }
 
+    /// Whether a device has anything in flight.
+    pub(crate) fn is_busy(&self, device: usize) -> bool {
+        self.devices[device].flying.load(Relaxed) > 0
+    }
+
     /// The share of the stream that a device has finished at least, if it was given the cheapest of tasks.
     pub(crate) fn sure(&self, device: usize) -> f64 {
         let done = share(&self.devices[device].done);

@@ -154,7 +154,7 @@ fn misjudged_speeds_are_found_out() {
         for (n, limit) in [1024, 8192].into_iter().zip(limits) {
             let [excess, launches] = simulated("hybrid", &vec![1.0; wrong.len()], wrong, n, 0.1, 2);
             eprintln!("{wrong:?} times as fast, {n} tasks: excess {excess:.2}%, {launches:.0} launches");
-            assert!(excess <= limit && launches < 200.0, "{wrong:?}, {n}: {excess} {launches}");
+            assert!(excess <= limit && launches < 250.0, "{wrong:?}, {n}: {excess} {launches}");
         }
     }
 }
@@ -196,26 +196,33 @@ fn excess_of_changes(speeds: &[f64], changes: &[SpeedChange], n: u32, knows: boo
 }
 
 /// Devices that change their speed while they run, by heat or by other programs on their cores. `--nocapture` shows the
-/// table. The last row is what the queue cannot mend: two of eight devices drop to a quarter in the middle of launches
-/// that were a third of what was left to them, since their costs were known.
+/// table. What the last rows leave with 1,024 tasks is a task: one of four times the mean is 3% of the frame, and four
+/// times as long at a quarter of the speed.
 ///
 /// Mutants: `Simulation::end_of` that heeds no change, or the first alone; a queue that keeps to the speeds it began
-/// with (`finish` that does nothing).
+/// with (`finish` that does nothing); `NEXT_SHARE` of a third; `LEAST_NEXT` of a 32nd.
 #[test]
 fn devices_that_change_their_speed_end_together() {
     let change = |device, at_s, speed| SpeedChange { device, at_s, speed };
-    let rows: [(&[f64], &[SpeedChange], f64); 5] = [
-        (&[1.0; 2], &[change(0, 0.05, 0.5)], 1.0),
-        (&[1.0; 3], &[change(0, 0.03, 0.5), change(0, 0.09, 1.0)], 1.0),
-        (&[1.0, 2.0, 4.0], &[change(2, 0.05, 0.5)], 1.0),
-        (&[1.0, 50.0, 50.0], &[change(1, 0.03, 0.5)], 1.0),
-        (&[1.0; 8], &[change(0, 0.05, 0.25), change(1, 0.05, 0.25)], 35.0),
+    let two_of_eight = |first_s, second_s| [change(0, first_s, 0.25), change(1, second_s, 0.25)];
+    /// Speeds, their changes, and limits with 1,024 and 8,192 tasks: where costs are known, and where nothing is.
+    type Row<'a> = (&'a [f64], &'a [SpeedChange], [f64; 2], [f64; 2]);
+    let rows: [Row<'_>; 8] = [
+        (&[1.0; 2], &[change(0, 0.05, 0.5)], [1.0; 2], [1.0; 2]),
+        (&[1.0; 3], &[change(0, 0.03, 0.5), change(0, 0.09, 1.0)], [1.0; 2], [1.0; 2]),
+        (&[1.0, 2.0, 4.0], &[change(2, 0.05, 0.5)], [1.0; 2], [1.0; 2]),
+        (&[1.0, 50.0, 50.0], &[change(1, 0.03, 0.5)], [1.0; 2], [1.0; 2]),
+        (&[1.0; 8], &two_of_eight(0.05, 0.05), [3.5, 2.0], [8.0; 2]),
+        (&[1.0; 8], &two_of_eight(0.02, 0.02), [3.5, 2.0], [8.0; 2]),
+        (&[1.0; 8], &two_of_eight(0.035, 0.065), [3.5, 2.0], [20.0, 8.0]),
+        (&[1.0; 8], &two_of_eight(0.08, 0.08), [3.5, 2.0], [20.0, 8.0]),
     ];
-    for (speeds, changes, limit) in rows {
-        for n in [1024, 8192] {
+    for (speeds, changes, limits_known, limits_unknown) in rows {
+        for (i, n) in [1024, 8192].into_iter().enumerate() {
             let [known, unknown] = [true, false].map(|knows| excess_of_changes(speeds, changes, n, knows));
             eprintln!("{speeds:?}, {n} tasks, {changes:?}: excess {known:.2}%, nothing known {unknown:.2}%");
-            assert!(known <= limit && unknown <= limit.min(8.0), "{speeds:?}, {n}: {known} {unknown}");
+            let is_near = known <= limits_known[i] && unknown <= limits_unknown[i];
+            assert!(is_near, "{speeds:?}, {n}: {known} {unknown}");
         }
     }
 }
