@@ -3,7 +3,9 @@
 use crate::Stream;
 use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
-use rt_core::{Coherence, CostEstimator, CostModel, CountedTree, CountsToken, StreamKind, StreamSpec, TaskId, Work};
+use rt_core::{
+    Coherence, CostEstimator, CostModel, CountedTree, CountsToken, DeviceInfo, StreamKind, StreamSpec, TaskId, Work,
+};
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use rt_sched::estimate::Uniform;
 use rt_sched::uninformed::Regime;
@@ -139,8 +141,19 @@ pub(crate) fn regime(members: &[DeviceState], stream: &Stream) -> Regime {
         tasks: stream.tasks.len(),
         devices: workers.len(),
         are_speeds_known: models.iter().any(|model| *model != CostModel::UNIT),
+        are_alike: are_alike(workers.iter().map(|&worker| &members[worker].info)),
         launch: launch.sum(),
     }
+}
+
+/// Whether devices tell that they are of one kind: by their backends, their units, and their names but for whole
+/// numbers, such as those of their cores. Where that is wrong they are taken for equal until they are measured.
+fn are_alike<'a>(infos: impl Iterator<Item = &'a DeviceInfo>) -> bool {
+    let is_number = |word: &&str| word.parse::<u32>().is_ok();
+    let words = |name: &'a str| name.split(|c: char| !(c.is_alphanumeric() || c == '.')).filter(move |w| !is_number(w));
+    let mut kinds = infos.map(|info| (info.backend, info.units, words(&info.name).collect::<Vec<_>>()));
+    let first = kinds.next();
+    kinds.all(|kind| Some(kind) == first)
 }
 
 /// One model for each calibration, alike ones pooled; `None` when one of them has seen nothing.
@@ -174,6 +187,19 @@ mod tests {
             calibration.observe(Measured::of(&work, seconds));
         }
         calibration
+    }
+
+    /// Mutants: names as they are; numbers with a point left out; backends left out.
+    #[test]
+    fn cores_are_alike_and_slower_ones_are_not() {
+        let info = |name: &str, backend| DeviceInfo::new(name, backend);
+        let alike = |infos: &[DeviceInfo]| are_alike(infos.iter());
+        let cores = [0, 1].map(|core| info(&format!("CPU {core} (core {core}, avx512)"), "cpu"));
+        assert!(alike(&cores) && alike(&cores[..1]) && alike(&[]));
+        let slow = ["CPU 2 (core 2, avx512) at speed 0.2", "CPU 2 (core 2, avx512) at speed 0.5"];
+        let [slow, slower] = slow.map(|name| info(name, "cpu"));
+        assert!(!alike(&[cores[0].clone(), slow.clone()]) && !alike(&[slow, slower]));
+        assert!(!alike(&[info("one", "vulkan"), info("one", "wgpu")]));
     }
 
     #[test]

@@ -15,6 +15,12 @@ use std::time::{Duration, Instant};
 /// Fewest samples worth a call to a device: below it the hand-over (some 10 µs) costs more than the rays.
 const LEAST_CHUNK: usize = 256;
 
+/// How many chunks each device is to have at least where samples are few: walks tell how fast devices are.
+const CHUNKS: usize = 4;
+
+/// Fewest samples that say anything of that.
+const TELLING: usize = 16;
+
 /// Chunks that a device has at a time, so that it goes on while the driver takes its answer; one before it has
 /// answered, since nothing is known of its speed.
 const AHEAD: usize = 2;
@@ -65,6 +71,7 @@ pub(crate) fn walk_on_all(
         next: 0,
         by: Vec::new(),
         chunks: Vec::new(),
+        least: (rays.len() / (CHUNKS * walkers.len().max(1))).clamp(TELLING, LEAST_CHUNK),
         walkers,
         slowest: 0.0,
         unable,
@@ -107,6 +114,8 @@ struct Walking<'a> {
     control: Control<'a>,
     /// What was handed out so far.
     chunks: Vec<Range<usize>>,
+    /// Rays of a chunk at least.
+    least: usize,
     /// Chunks that nobody does any more, or that those who do them are late with; the next one last.
     open: Vec<usize>,
     /// The first ray that is in no chunk.
@@ -198,12 +207,12 @@ impl Walking<'_> {
         // All began together, so rays walked are speeds. Whoever would be the last to end leaves what there is to
         // others.
         let seconds = |rays: usize, speed: usize| rays as f64 / speed.max(1) as f64;
-        let least = LEAST_CHUNK.min(open);
+        let least = self.least.min(open);
         if others_walk && walked > 0 && seconds(least, walked) > seconds(open, all - walked) + seconds(least, fastest) {
             return None;
         }
         let fair = open as f64 * walked as f64 / all.max(1) as f64;
-        let size = ((CHUNK_SHARE * fair) as usize).min(2 * walked).max(LEAST_CHUNK).min(open);
+        let size = ((CHUNK_SHARE * fair) as usize).min(2 * walked).max(self.least).min(open);
         self.chunks.push(self.next..self.next + size);
         self.by.push(None);
         self.next += size;

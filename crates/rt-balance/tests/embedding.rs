@@ -2,6 +2,7 @@
 
 use rt_balance::cpu::CpuDevice;
 use rt_balance::estimators::{History, Sampled, Uniform};
+use rt_balance::report::ActivityKind;
 use rt_balance::sample::Fraction;
 use rt_balance::{
     Balancer, Control, Device, Hit, Ray, RaySource, Scheduling, Stream, StreamKind, StreamSpec, TestCounts, Walk,
@@ -83,6 +84,22 @@ fn an_estimate_alone_is_what_tracing_counts() {
         let predicted = predicted.as_ref().unwrap();
         assert!(predicted.len() == stream.tasks.len() && predicted.iter().all(|&seconds| seconds > 0.0));
     }
+}
+
+/// Walks tell how fast devices are, also where all samples would be one chunk.
+///
+/// Mutant: chunks of 256 rays at least.
+#[test]
+fn few_samples_are_walked_by_all_devices() {
+    let mut balancer = balancer();
+    let mut hits = vec![Hit::MISS; 10_000];
+    let run = balancer.trace(&stream(StreamSpec::default()), &mut exact(0.01), &mut hits, None, Control::default());
+    let walked_by = |device: usize| {
+        let walks = run.as_ref().unwrap().activities.iter().filter(|activity| activity.kind == ActivityKind::Estimate);
+        walks.filter(|walk| walk.device == device).map(|walk| walk.rays).sum::<u32>()
+    };
+    let [one, other] = [0, 1].map(walked_by);
+    assert!(one + other < 256 && one.min(other) > 0, "{one} {other}");
 }
 
 /// Mutant: a new estimator for each call.

@@ -2,7 +2,7 @@
 //!
 //! It sets a flag, which everything that can stop in good order looks at. Not everything can: a parser, a compiler of
 //! kernels, a driver, a full pipe. So what has not ended when [`PATIENCE`] is over is ended from outside, and what it
-//! was writing is removed. A second signal has no patience.
+//! was writing is removed. [`saving`] what is whole is given more time. A second signal has no patience.
 
 use anyhow::{Result, bail};
 use rt_balance::Control;
@@ -16,7 +16,13 @@ use std::time::Duration;
 #[cfg(unix)]
 const PATIENCE: Duration = Duration::from_millis(700);
 
+/// Most time that saving what is whole may take after a signal: a folder on a network may be slow.
+#[cfg(unix)]
+const SAVING: Duration = Duration::from_secs(30);
+
 static REQUESTED: AtomicBool = AtomicBool::new(false);
+
+static IS_SAVING: AtomicBool = AtomicBool::new(false);
 
 /// The exit code that goes with the signal; 0 before there was one.
 static CODE: AtomicU8 = AtomicU8::new(0);
@@ -41,6 +47,21 @@ pub(crate) fn flag() -> &'static AtomicBool {
 /// Whether a signal came.
 pub(crate) fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
+}
+
+/// While it is there, what is whole is being saved, which the first signal does not cut short.
+pub(crate) struct Saving(());
+
+/// Begins to save what is whole.
+pub(crate) fn saving() -> Saving {
+    IS_SAVING.store(true, Ordering::Relaxed);
+    Saving(())
+}
+
+impl Drop for Saving {
+    fn drop(&mut self) {
+        IS_SAVING.store(false, Ordering::Relaxed);
+    }
 }
 
 /// What a signal asks to end with, if one came.
@@ -71,7 +92,7 @@ pub(crate) fn check() -> Result<()> {
 
 #[cfg(unix)]
 mod signals {
-    use super::{CODE, Exit, PATIENCE, REQUESTED};
+    use super::{CODE, Exit, IS_SAVING, PATIENCE, REQUESTED, SAVING};
     use rt_report::{output, print};
     use signal_hook::consts::{SIGINT, SIGTERM};
     use signal_hook::{flag, low_level};
@@ -81,7 +102,7 @@ mod signals {
     use std::sync::atomic::{AtomicUsize, Ordering};
     use std::sync::mpsc;
     use std::thread::Builder;
-    use std::time::Duration;
+    use std::time::{Duration, Instant};
 
     pub(super) fn watch() -> io::Result<()> {
         let (wakes, waker) = UnixStream::pair()?;
@@ -106,8 +127,8 @@ mod signals {
         let exit = if is_term { Exit::Terminated } else { Exit::Interrupted };
         CODE.store(exit.code(), Ordering::Relaxed);
         REQUESTED.store(true, Ordering::Relaxed);
-        let _ = wakes.set_read_timeout(Some(PATIENCE));
-        let _ = wakes.read_exact(&mut wake);
+        let (begin, _) = (Instant::now(), wakes.set_read_timeout(Some(PATIENCE)));
+        while wakes.read_exact(&mut wake).is_err() && IS_SAVING.load(Ordering::Relaxed) && begin.elapsed() < SAVING {}
         output::abandon();
         say("error: interrupted");
         // Not the exit of the standard library: it runs the clean-up of drivers whose threads are at work.

@@ -3,8 +3,8 @@
 use crate::args::RenderArgs;
 use crate::memory::{PictureNeeds, Room};
 use crate::output::Outputs;
-use crate::report::{CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
-use crate::{html, interrupt, output, progress, ranks, scene};
+use crate::report::{Ahead, CameraReport, PictureReport, Report, SCHEMA, SceneReport, Seconds};
+use crate::{html, interrupt, progress, ranks, scene};
 use anyhow::Result;
 use glam::DVec3;
 use rt_balance::{Balancer, Limits};
@@ -13,7 +13,7 @@ use rt_core::Device;
 use rt_render::{Animation, AnimationPlan, Film, Frame, Passes, Progress, Renderer, Session, Subject, Traced};
 use rt_report::chart::cost::CostMaps;
 use rt_report::headline::Headline;
-use rt_report::pictures::{Part, Pictures};
+use rt_report::pictures::{Part, Pictures, Shot};
 use rt_report::print::{Stdout, note};
 use rt_report::usage::{OrUsage, usage};
 use rt_report::{Provenance, charts, recipe, terminal};
@@ -32,7 +32,7 @@ const ORBIT_STEP_DEGREES: f32 = 1.0;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<()> {
     if let (Some(recipe), Some(shards)) = (args.emit, args.shards) {
-        check(args)?;
+        check(args, None)?;
         let command = recipe::command_without(&["--emit", "--shards"])?;
         return Ok(write!(Stdout, "{}", recipe.script(&command, shards))?);
     }
@@ -48,14 +48,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<()> {
 fn alone(args: &RenderArgs) -> Result<()> {
     let start = Instant::now();
     let scheduling = args.balance.scheduling()?;
-    let report_name = report_name(args);
-    // What a shard knows is a part, of which charts would say little.
-    let files = charts::files(args.exr);
-    let names_of_files = || files.iter().map(|(name, _)| *name).collect();
-    let outputs = outputs(args, &args.shard.map_or_else(names_of_files, |_| vec![&report_name[..]]));
-    scene::check([scene_of(args)])?;
-    outputs.check()?;
-    check(args)?;
+    let outputs = outputs(args, &charts::names(args.exr, args.shard));
+    check(args, Some(&outputs))?;
     if let Some(left) = named(args).leftovers() {
         note(format_args!("note: {left}"));
     }
@@ -67,19 +61,20 @@ fn alone(args: &RenderArgs) -> Result<()> {
     let Stage { devices, balancer, motion, renderer, mut animation, mut seconds, .. } =
         Stage::set(args, &scheduling.limits, source)?;
     let mut pictures = pictures(args, &renderer, &motion)?;
-    let Part { missing, whole } = part(args, &pictures);
+    let part = part(args, &pictures);
+    let missing = &part.missing;
     if missing.is_empty() {
         return Ok(pictures.write_sheet()?);
     }
     let mut renderer = Renderer { unused: missing.first().copied(), ..renderer };
-    let provenance = Provenance::now(args.balance.seed, names(&devices));
+    let provenance = Provenance::of(args.balance.seed, &devices);
     let paths = waves.pixels() * u64::from(args.spp) * missing.len() as u64;
     let bar = progress::Whole::new(paths, (2 * args.bounces + 2).into());
     let show = |at: Progress| bar.show(at);
     let (mut runs, mut costs, costs_s) = (Vec::new(), CostMaps::new(args.size), Cell::new(0.0));
     let mut record = |traced: Traced<'_>| {
         let begin = Instant::now();
-        costs.add(&traced.run, |ray| traced.pixel(ray));
+        costs.add(&traced.run, |rays, take| traced.pixels(rays, take));
         runs.push(traced.run);
         costs_s.set(costs_s.get() + begin.elapsed().as_secs_f64());
     };
@@ -94,10 +89,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
         film.clear();
         animation.show(number, &mut renderer, &mut session)?;
         let paths = renderer.paths(motion.camera(number)?, number);
-        let frame = Frame { paths: &paths, number, waves: &waves, end };
-        frame.render(&renderer, &mut session, passes, &mut film, &mut |film, samples| {
-            write(&mut pictures, film, number, samples)
-        })?;
+        let frame = Frame { paths: &paths, number, waves: &waves, end, show_every: rt_render::SHOW_EVERY };
+        frame.render(&renderer, &mut session, passes, &mut film, &mut |film| write(&mut pictures, film, number))?;
         Ok(pictures.note(number, begin.elapsed().as_secs_f64(), &provenance)?)
     });
     let waves_s = begin.elapsed().as_secs_f64() - costs_s.get() - pictures.seconds;
@@ -107,24 +100,21 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     let Session { scheduling, .. } = session;
     seconds.add_streams(&runs, animation.updates(), waves_s);
-    let begin = Instant::now();
+    let (begin, saving) = (Instant::now(), interrupt::saving());
     drop(film);
     bar.stage("writing");
-    if interrupted {
-        // Before anything that may take longer than the patience with signals.
-        note(format_args!("note: {}; {report_name} says more, charts and page are not made", pictures.told(args.spp)));
-    } else {
-        if args.shard.is_none() {
-            charts::write(&args.out, args.exr, costs.maps(), &runs, &provenance)?;
-        }
-        pictures.write_sheet()?;
+    let maps = costs.into_maps();
+    if args.shard.is_none() {
+        charts::write(&args.out, args.exr, &maps, &runs, &provenance)?;
     }
+    pictures.write_sheet()?;
     seconds.write += costs_s.get() + pictures.seconds + begin.elapsed().as_secs_f64();
     seconds.total = start.elapsed().as_secs_f64();
+    let picture = picture_report(args, &pictures, &part, &motion, &described);
     let report = Report {
         schema: SCHEMA,
         provenance,
-        picture: Some(picture_report(args, &pictures, whole, &motion, &described)),
+        picture: Some(PictureReport { interrupted, ..picture }),
         scene: described,
         queue: scheduling.queue.name(),
         policy: scheduling.policy_name(),
@@ -134,21 +124,23 @@ fn alone(args: &RenderArgs) -> Result<()> {
         headline: Headline::of(&runs),
         seconds,
     };
-    write_report(args, &report)?;
-    interrupt::check()?;
+    report.write(&args.out, args.shard)?;
     if args.shard.is_none() {
-        let (maps, picture) = (costs.maps(), &pictures.main());
-        let rendered = html::render::Rendered { report: &report, runs: &runs, maps, picture, files: &files };
+        let (files, picture) = (charts::files(args.exr), &pictures.main());
+        let rendered = html::render::Rendered { report: &report, runs: &runs, maps: &maps, picture, files: &files };
         rendered.write(&args.out.join("report.html"))?;
     }
-    drop(bar);
+    drop((bar, saving));
+    if let Some(missing) = report.missing().filter(|_| interrupted) {
+        note(format_args!("note: {missing}; what is whole is in {}", args.out.display()));
+    }
     if args.json {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
     } else {
         let explain = args.balance.explain;
         write!(Stdout, "{}", terminal::rendered(&report, &runs, explain, &args.out, terminal::columns()))?;
     }
-    Ok(())
+    interrupt::check()
 }
 
 /// The pictures that are asked for.
@@ -156,9 +148,17 @@ fn named(args: &RenderArgs) -> Pictures {
     Pictures::new(&args.out, &args.frames).with_exr(args.exr)
 }
 
-/// Writes a frame with so many samples of each pixel.
-pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32, samples: u32) -> Result<()> {
-    Ok(pictures.write((film.size(), film.sums()), || film.exposure(samples), frame, samples)?)
+/// Writes a frame as it is by now.
+pub(crate) fn write(pictures: &mut Pictures, film: &Film, frame: u32) -> Result<()> {
+    let shot = Shot {
+        size: film.size(),
+        sums: film.sums(),
+        samples_at: &|place| film.samples_at(place),
+        exposure: &|| film.exposure(),
+        samples: film.samples(),
+        ahead: film.ahead().map(|(samples, share)| Ahead { samples, share }),
+    };
+    Ok(pictures.write(shot, frame)?)
 }
 
 /// The pictures that are to be rendered with this motion of the camera.
@@ -181,23 +181,26 @@ pub(crate) fn part(args: &RenderArgs, pictures: &Pictures) -> Part {
     part
 }
 
-/// What was rendered; `whole` frames were there before.
+/// What was rendered of a part.
 pub(crate) fn picture_report(
     args: &RenderArgs,
     pictures: &Pictures,
-    whole: u32,
+    part: &Part,
     motion: &CameraMotion,
     scene: &SceneReport,
 ) -> PictureReport {
     let first_frame = args.frames.range().start;
     PictureReport {
         size: args.size,
-        samples: pictures.last().map_or(args.spp, |(_, samples)| samples),
+        samples: pictures.last().map_or(args.spp, |last| last.samples),
         samples_asked: args.spp,
+        ahead: pictures.last().and_then(|last| last.ahead),
+        interrupted: false,
         bounces: args.bounces,
         first_frame,
-        frames: whole + pictures.written(),
-        frames_before: whole,
+        frames: part.whole + pictures.written(),
+        frames_asked: part.whole + part.missing.len() as u32,
+        frames_before: part.whole,
         shard: args.shard.map(|shard| shard.to_string()),
         degrees_per_frame: match motion {
             CameraMotion::Orbit { degrees_per_frame, .. } if args.frames.is_animation() => *degrees_per_frame,
@@ -283,12 +286,14 @@ fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
     Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
 }
 
-/// Whether the scene is there and the camera path is one, before any of it is worked on.
-pub(crate) fn check(args: &RenderArgs) -> Result<()> {
+/// Whether the scene is there, results can be written, and the camera path, which they must not replace, is one: before
+/// any of it is worked on.
+pub(crate) fn check(args: &RenderArgs, outputs: Option<&Outputs>) -> Result<()> {
     scene::check([scene_of(args)])?;
     if args.exr {
         rt_report::exr::check().or_usage("--exr")?;
     }
+    outputs.map_or(Ok(()), Outputs::check)?;
     args.camera.as_deref().map_or(Ok(()), |file| Ok(CameraPath::read(file).map(drop)?))
 }
 
@@ -297,21 +302,11 @@ pub(crate) fn scene_of(args: &RenderArgs) -> &Path {
 }
 
 /// The pictures and `files` in the folder of results.
-pub(crate) fn outputs(args: &RenderArgs, files: &[&str]) -> Outputs {
+pub(crate) fn outputs(args: &RenderArgs, files: &[String]) -> Outputs {
     let pictures = named(args);
     let names = pictures.files().chain(files.iter().map(PathBuf::from));
     let outputs = Outputs::new().folder("--out", &args.out, names).scenes([scene_of(args)]);
     args.camera.iter().fold(outputs, |outputs, path| outputs.input("the camera path", path))
-}
-
-/// Shards write to one folder, each a report of its own.
-fn report_name(args: &RenderArgs) -> String {
-    args.shard.map_or_else(|| "report.json".to_owned(), |shard| format!("report-{shard}.json").replace('/', "-of-"))
-}
-
-pub(crate) fn write_report(args: &RenderArgs, report: &Report) -> Result<()> {
-    let path = args.out.join(report_name(args));
-    Ok(output::write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, report)?))?)
 }
 
 /// The camera of the command line, else the scene's, and how it moves.
@@ -334,9 +329,4 @@ fn choose_motion(args: &RenderArgs, base: View, offset: DVec3) -> Result<CameraM
     motion.check(0..1)?;
     motion.check(args.frames.range())?;
     Ok(motion)
-}
-
-/// What devices call themselves.
-pub(crate) fn names(devices: &[Arc<dyn Device>]) -> impl Iterator<Item = &str> {
-    devices.iter().map(|device| device.info().name.as_str())
 }

@@ -5,7 +5,7 @@ use crate::memory::{self, BYTES_PER_GIVEN_RAY, Room};
 use crate::output::Outputs;
 use crate::ranks;
 use crate::report::{Report, SCHEMA, SceneReport, Seconds};
-use crate::{interrupt, progress, render, scene, table};
+use crate::{interrupt, progress, scene, table};
 use anyhow::{Context, Result};
 use rt_balance::{Balancer, Control, Stream};
 use rt_cluster::{Relay, Transport};
@@ -114,7 +114,7 @@ fn trace(args: &TraceArgs, relay: &mut Relay<'_>) -> Result<bool> {
     if args.json {
         let report = Report {
             schema: SCHEMA,
-            provenance: Provenance::now(args.balance.seed, render::names(&devices)),
+            provenance: Provenance::of(args.balance.seed, &devices),
             scene: SceneReport::of(&prepared),
             picture: None,
             queue: scheduling.queue.name(),

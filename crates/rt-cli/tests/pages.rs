@@ -12,7 +12,7 @@ use std::process::Command;
 type Outcome = Result<(), Failed>;
 
 /// What writes a page: the command's arguments without `--out`.
-const PAGES: [(&str, &[&str]); 3] = [
+const PAGES: [(&str, &[&str]); 4] = [
     // Enough samples of each task for a standard error.
     (
         "render",
@@ -34,6 +34,25 @@ const PAGES: [(&str, &[&str]); 3] = [
         ],
     ),
     ("figure1", &["figure1", "car", "--size", "48x32", "--repeat", "2", "--task-sizes", "64,256", "--replay", "3"]),
+    (
+        "compare",
+        &[
+            "compare",
+            "car",
+            "--size",
+            "48x32",
+            "--spp",
+            "1",
+            "--repeat",
+            "1",
+            "--devices",
+            "cpu:1,cpu:1",
+            "--queue",
+            "static",
+            "--estimator",
+            "exact",
+        ],
+    ),
     ("tradeoff", &["tradeoff", "car", "--quick", "--size", "24x16", "--repeat", "1"]),
 ];
 

@@ -304,3 +304,24 @@ fn a_rank_without_the_file_says_so_by_name() {
     assert!(!run.status.success(), "{error}");
     assert!(error.contains("rank 1 on ") && error.contains("elsewhere.obj"), "{error}");
 }
+
+/// Fails when ranks render other frames than rank 0 says, or a shard those of another.
+#[test]
+fn the_ranks_of_a_shard_render_its_frames() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let [alone, out] = ["alone", "out"].map(|name| dir.path().join(name));
+    let frames = ["--frames", "0..3"];
+    succeeded(Command::new(PROGRAM).args(PICTURE).args(frames).arg("--out").arg(&alone));
+    for (shard, own) in [("1/2", 2), ("2/2", 1)] {
+        let mut run = mpirun(2);
+        succeeded(run.arg(PROGRAM).args(PICTURE).args(frames).args(["--shard", shard]).arg("--out").arg(&out));
+        let report = fs::read(out.join(format!("report-{}.json", shard.replace('/', "-of-")))).expect("a report");
+        let report: serde_json::Value = serde_json::from_slice(&report).expect("JSON");
+        assert_eq!(report["cluster"].as_array().map(Vec::len), Some(own), "{report}");
+        assert_eq!(out.join("image-0001.png").exists(), shard == "2/2");
+    }
+    for frame in 0..3 {
+        let name = format!("image-{frame:04}.png");
+        assert!(fs::read(alone.join(&name)).expect("a picture") == fs::read(out.join(&name)).expect("a picture"));
+    }
+}

@@ -11,6 +11,33 @@ use std::ops::Range;
 pub struct Film {
     size: [u32; 2],
     sums: Vec<Vec3>,
+    /// Samples of each pixel, but for those that are ahead.
+    samples: u32,
+    ahead: Ahead,
+}
+
+/// The pixels that have the samples of a pass which has not come to all of them.
+#[derive(Clone, Debug, Default)]
+struct Ahead {
+    samples: u32,
+    /// A bit for each pixel, row by row.
+    words: Vec<u64>,
+    count: usize,
+}
+
+impl Ahead {
+    fn has(&self, place: usize) -> bool {
+        self.words.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
+    }
+
+    /// Adds a pixel of so many.
+    fn add(&mut self, place: usize, pixels: usize) {
+        if !self.has(place) {
+            self.words.resize(pixels.div_ceil(64), 0);
+            self.words[place / 64] |= 1 << (place % 64);
+            self.count += 1;
+        }
+    }
 }
 
 impl Film {
@@ -23,7 +50,8 @@ impl Film {
     /// When there is no memory for it.
     pub fn new(size: [u32; 2]) -> Result<Self, NoMemory> {
         let pixels = size[0] as usize * size[1] as usize;
-        Ok(Self { size, sums: memory::filled(Vec3::ZERO, pixels, "the picture")? })
+        let sums = memory::filled(Vec3::ZERO, pixels, "the picture")?;
+        Ok(Self { size, sums, samples: 0, ahead: Ahead::default() })
     }
 
     /// The sums of some pixels, each `x | y << 16`, so far.
@@ -39,14 +67,42 @@ impl Film {
     /// Begins another picture.
     pub fn clear(&mut self) {
         self.sums.fill(Vec3::ZERO);
+        (self.samples, self.ahead) = (0, Ahead::default());
     }
 
-    /// Takes the sums of some pixels, each `x | y << 16`, in place of those that were there.
-    pub fn take(&mut self, pixels: &[u32], sums: &[Vec3]) {
+    /// Takes the sums of some pixels, each `x | y << 16`, in place of those that were there; they are of so many
+    /// samples. What comes with the same number belongs to one pass, which is whole when it has come to every pixel.
+    pub fn take(&mut self, pixels: &[u32], sums: &[Vec3], samples: u32) {
+        if self.ahead.samples != samples {
+            self.ahead = Ahead { samples, ..Ahead::default() };
+        }
         for (&pixel, &sum) in pixels.iter().zip(sums) {
             let place = self.place(pixel);
             self.sums[place] = sum;
+            self.ahead.add(place, self.sums.len());
         }
+        if self.ahead.count == self.sums.len() {
+            (self.samples, self.ahead) = (samples, Ahead::default());
+        }
+    }
+
+    /// How many samples every pixel has: those of the passes that are whole.
+    #[must_use]
+    pub const fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// How many samples some pixels have already, and which share of all pixels those are; `None` between passes.
+    #[must_use]
+    pub fn ahead(&self) -> Option<(u32, f64)> {
+        let Ahead { samples, count, .. } = self.ahead;
+        (count > 0).then(|| (samples, count as f64 / self.sums.len() as f64))
+    }
+
+    /// How many samples a pixel has, by its place row by row.
+    #[must_use]
+    pub fn samples_at(&self, place: usize) -> u32 {
+        if self.ahead.has(place) { self.ahead.samples } else { self.samples }
     }
 
     /// Width and height in pixels.
@@ -61,11 +117,11 @@ impl Film {
         &self.sums
     }
 
-    /// The factor that makes the mean of so many samples pleasantly bright.
+    /// The factor that makes the means of the pixels' samples pleasantly bright.
     #[must_use]
-    pub fn exposure(&self, samples: u32) -> f32 {
-        let mean = 1.0 / samples as f32;
-        exposure(|| self.sums.iter().map(|&sum| sum * mean))
+    pub fn exposure(&self) -> f32 {
+        let mean = |(place, &sum)| sum * (1.0 / self.samples_at(place).max(1) as f32);
+        exposure(|| self.sums.iter().enumerate().map(mean))
     }
 }
 
@@ -134,4 +190,30 @@ pub(crate) fn for_paths<T: Send>(
         (rest, first) = (others, next);
     }
     chunks.into_par_iter().for_each(|(rays, first, values)| each(rays, first, values));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mutants: a pixel that comes twice counted twice; a pass that is whole with all pixels but one; bits of the pass
+    /// before.
+    #[test]
+    fn a_pass_is_whole_when_it_has_come_to_every_pixel() {
+        let mut film = Film::new([3, 2]).unwrap();
+        let pixels: Vec<u32> = (0..6).map(|i| (i % 3) | ((i / 3) << 16)).collect();
+        let told = |film: &Film| (film.samples(), film.ahead(), (0..6).map(|i| film.samples_at(i)).collect::<Vec<_>>());
+        film.take(&pixels[..3], &[Vec3::ONE; 3], 1);
+        film.take(&pixels[2..5], &[Vec3::ONE; 3], 1);
+        assert_eq!(told(&film), (0, Some((1, 5.0 / 6.0)), vec![1, 1, 1, 1, 1, 0]));
+        film.take(&pixels[5..], &[Vec3::ONE], 1);
+        assert_eq!(told(&film), (1, None, vec![1; 6]));
+        // As bright with a part of the next pass, which has four samples in all.
+        let bright = film.exposure();
+        film.take(&pixels[4..], &[Vec3::splat(4.0); 2], 4);
+        assert_eq!(told(&film), (1, Some((4, 1.0 / 3.0)), vec![1, 1, 1, 1, 4, 4]));
+        assert_eq!(film.exposure(), bright);
+        film.clear();
+        assert_eq!(told(&film), (0, None, vec![0; 6]));
+    }
 }

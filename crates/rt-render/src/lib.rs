@@ -22,7 +22,7 @@ pub use animation::Animation;
 pub use error::RenderError;
 pub use film::Film;
 pub use light::Light;
-pub use passes::{Frame, Passes};
+pub use passes::{Frame, Passes, SHOW_EVERY};
 pub use plan::AnimationPlan;
 pub use renderer::{Part, Progress, Renderer, Session, TaskCut, Traced};
 pub use share::{ShareError, Subject};

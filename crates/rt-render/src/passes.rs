@@ -8,6 +8,16 @@ use std::time::{Duration, Instant};
 /// for tracing them.
 const PASS: Duration = Duration::from_secs(2);
 
+/// How often people like to see a picture that is rendered.
+pub const SHOW_EVERY: Duration = Duration::from_secs(1);
+
+/// Most of the time that showing the picture may take while it is rendered: one part in so many.
+const MOST_SHOWN: u32 = 32;
+
+/// Least paths of a wave that a pass is cut into: each is some streams of its own, which cost something, and however
+/// slow the pass before was, it may have been for another reason than its rays.
+const LEAST_PATHS: u64 = 1 << 14;
+
 /// How many samples of each pixel come next: a plan that knows no clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passes {
@@ -67,44 +77,110 @@ pub struct Frame<'a> {
     pub waves: &'a Waves,
     /// When it is to be done, however many samples there are then.
     pub end: Option<Instant>,
+    /// How often it is to be shown meanwhile, about; less often where showing it takes long.
+    pub show_every: Duration,
 }
 
 impl Frame<'_> {
-    /// Renders the frame to `film`, which is black. After each pass `shown` is told how many samples of each pixel are
-    /// on it.
+    /// Renders the frame to `film`, which is black. `shown` gets it after each pass, and now and then while a pass
+    /// goes through it: then some pixels have the samples of that pass already.
     ///
     /// # Errors
-    /// As for [`Renderer::part`], and those of `shown`. The film is unusable then; what `shown` made of it is not.
+    /// As for [`Renderer::part`], and those of `shown`. Parts that were not finished are not on the film.
     pub fn render<E: From<RenderError>>(
         &self,
         renderer: &Renderer<'_>,
         session: &mut Session<'_>,
         mut passes: Passes,
         film: &mut Film,
-        shown: &mut dyn FnMut(&Film, u32) -> Result<(), E>,
+        shown: &mut dyn FnMut(&Film) -> Result<(), E>,
     ) -> Result<(), E> {
         let (mut number, mut worthwhile, mut most) = (0, 0, u32::MAX);
+        let (mut pace, mut shows) = (Pace::default(), Shows::begin(self.show_every));
         while let Some(samples) = passes.next(worthwhile, most) {
-            let begin = Instant::now();
-            for wave in self.waves.iter() {
+            let (begin, mut traced, mut setup) = (Instant::now(), Duration::ZERO, Duration::ZERO);
+            let paths = self.waves.pixels() * u64::from(samples.count);
+            let pieces = shows.pieces(pace.expected(samples.count), paths);
+            let waves = self.waves.split(pieces);
+            for wave in waves.iter() {
+                let begin = Instant::now();
                 let mut sums = film.sums_of(&wave.pixels);
                 let part = Part { paths: self.paths, frame: self.number, number, wave: &wave, samples };
-                renderer.part(session, part, &mut sums)?;
-                film.take(&wave.pixels, &sums);
+                setup += renderer.part(session, part, &mut sums)?;
+                film.take(&wave.pixels, &sums, passes.done());
                 number += 1;
+                traced += begin.elapsed();
+                // What the first pass has not come to is black.
+                let is_whole = film.ahead().is_none();
+                if is_whole || (pieces > 1 && shows.is_due()) {
+                    shows.time(|| shown(film))?;
+                }
             }
-            worthwhile = fitting(PASS, begin.elapsed(), samples.count);
-            shown(film, passes.done())?;
+            pace = Pace { traced: traced.saturating_sub(setup), samples: samples.count };
+            worthwhile = pace.fitting(PASS);
             let left = |end: Instant| end.saturating_duration_since(Instant::now());
-            most = self.end.map_or(u32::MAX, |end| fitting(left(end), begin.elapsed(), samples.count));
+            let whole = Pace { traced: begin.elapsed().saturating_sub(setup), ..pace };
+            most = self.end.map_or(u32::MAX, |end| whole.fitting(left(end)));
         }
         Ok(())
     }
 }
 
-/// How many samples can be made in `time`, if so many took so long.
-fn fitting(time: Duration, took: Duration, samples: u32) -> u32 {
-    (time.as_secs_f64() / took.as_secs_f64().max(1e-9) * f64::from(samples)) as u32
+/// How fast samples come.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pace {
+    traced: Duration,
+    samples: u32,
+}
+
+impl Pace {
+    /// How long so many samples will take; nothing before any was made.
+    fn expected(self, samples: u32) -> Duration {
+        self.traced.mul_f64(f64::from(samples) / f64::from(self.samples.max(1)))
+    }
+
+    /// How many samples can be made in `time`.
+    fn fitting(self, time: Duration) -> u32 {
+        (time.as_secs_f64() / self.traced.as_secs_f64().max(1e-9) * f64::from(self.samples)) as u32
+    }
+}
+
+/// When a picture was shown.
+#[derive(Clone, Copy, Debug)]
+struct Shows {
+    every: Duration,
+    last: Instant,
+    /// How long the last one took.
+    took: Duration,
+}
+
+impl Shows {
+    fn begin(every: Duration) -> Self {
+        Self { every, last: Instant::now(), took: Duration::ZERO }
+    }
+
+    fn every(&self) -> Duration {
+        self.every.max(self.took * MOST_SHOWN)
+    }
+
+    /// Into how many waves a pass of so many paths is cut that will take so long.
+    fn pieces(&self, expected: Duration, paths: u64) -> u64 {
+        let pieces = (expected.as_secs_f64() / self.every().as_secs_f64()).round() as u64;
+        pieces.min(paths / LEAST_PATHS).max(1)
+    }
+
+    /// Whether it is to be shown again. Parts are not of one length, and one that is a little too short must not make
+    /// the picture wait for the next.
+    fn is_due(&self) -> bool {
+        self.last.elapsed() >= self.every().mul_f64(0.6)
+    }
+
+    fn time<T>(&mut self, show: impl FnOnce() -> T) -> T {
+        let begin = Instant::now();
+        let shown = show();
+        (self.last, self.took) = (Instant::now(), begin.elapsed());
+        shown
+    }
 }
 
 #[cfg(test)]
@@ -135,5 +211,23 @@ mod tests {
             }
             assert_eq!((next, passes.done()), (all, all));
         }
+    }
+
+    /// Fails when a pass is cut before anything is known of how long it takes, or into nothing but ends of streams, or
+    /// showing may take all of the time.
+    #[test]
+    fn passes_are_cut_into_parts_of_a_second_unless_showing_is_expensive() {
+        let seconds = |time: u64| Duration::from_secs(time);
+        let shows = |took: Duration| Shows { took, ..Shows::begin(seconds(1)) };
+        let many = 1 << 30;
+        assert_eq!(shows(Duration::ZERO).pieces(Pace::default().expected(9), many), 1);
+        let pace = Pace { traced: seconds(2), samples: 4 };
+        assert_eq!((pace.expected(10), pace.fitting(seconds(3))), (seconds(5), 6));
+        assert_eq!([0, 1, 5, 60].map(|time| shows(Duration::ZERO).pieces(seconds(time), many)), [1, 1, 5, 60]);
+        assert_eq!([1, 5, 60].map(|time| shows(Duration::from_millis(250)).pieces(seconds(time), many)), [1, 1, 8]);
+        assert_eq!(
+            [0, 1, 2, 3].map(|waves| shows(Duration::ZERO).pieces(seconds(60), waves * LEAST_PATHS)),
+            [1, 1, 2, 3]
+        );
     }
 }

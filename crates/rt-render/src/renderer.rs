@@ -16,6 +16,7 @@ use rt_simd::Kernel;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 /// Passes of the reference measurement; the median of three survives one disturbance.
 const REFERENCE_PASSES: usize = 3;
@@ -123,10 +124,19 @@ pub struct Traced<'a> {
 }
 
 impl Traced<'_> {
-    /// The pixel that a ray is for, `x | y << 16`.
-    #[must_use]
-    pub fn pixel(&self, ray: u32) -> u32 {
-        self.part.wave.pixels[(self.stream.path(ray) / self.part.paths.samples.max(1)) as usize]
+    /// Hands over the pixels that some rays are for, `x | y << 16`, in the order of the rays and each once.
+    pub fn pixels(&self, rays: Range<u32>, mut take: impl FnMut(u32)) {
+        let samples = u64::from(self.part.paths.samples.max(1));
+        // Rays go by their paths, and paths by their pixels: so most rays need no division.
+        let mut next_pixel = 0;
+        for ray in rays {
+            let path = u64::from(self.stream.path(ray));
+            if path >= next_pixel {
+                let place = path / samples;
+                next_pixel = (place + 1) * samples;
+                take(self.part.wave.pixels[place as usize]);
+            }
+        }
     }
 }
 
@@ -193,12 +203,14 @@ impl Renderer<'_> {
 
     /// Renders a part: adds the radiance of its samples to `sums`, one for each pixel of the wave in its order. If
     /// those are of the samples before, they are the same bits whatever else is rendered, in which parts, where, and by
-    /// which devices.
+    /// which devices. Returns how much of the time was set-up, which the first streams of a kind need and no others.
     ///
     /// # Errors
     /// When there is no memory, the rays cannot be traced, or [`Renderer::cancel`] is set. The sums are as they were.
-    pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<(), RenderError> {
-        self.shade(part, sums, &mut |stream| self.trace(session, part, stream))
+    pub fn part(&self, session: &mut Session<'_>, part: Part<'_>, sums: &mut [Vec3]) -> Result<Duration, RenderError> {
+        let mut setup_s = 0.0;
+        self.shade(part, sums, &mut |stream| self.trace(session, part, stream, &mut setup_s))?;
+        Ok(Duration::try_from_secs_f64(setup_s).unwrap_or_default())
     }
 
     /// Renders a part with hits that `trace` finds.
@@ -238,8 +250,14 @@ impl Renderer<'_> {
         Ok(())
     }
 
-    /// Traces a stream and records it.
-    fn trace(&self, session: &mut Session<'_>, part: Part<'_>, stream: &PathStream) -> Result<Vec<Hit>, RenderError> {
+    /// Traces a stream and records it; adds the seconds of its set-up.
+    fn trace(
+        &self,
+        session: &mut Session<'_>,
+        part: Part<'_>,
+        stream: &PathStream,
+        setup_s: &mut f64,
+    ) -> Result<Vec<Hit>, RenderError> {
         let Session { balancer, scheduling, show, record } = session;
         let rays = stream.source.len();
         let (kind, paths) = (stream.kind, part.wave.pixels.len() as u64 * u64::from(part.samples.count));
@@ -259,6 +277,7 @@ impl Renderer<'_> {
             balancer.trace(&stream, scheduling, &mut hits, None, Control { progress: Some(&progress), ..quiet });
         at(1.0, true);
         let mut run = traced?;
+        *setup_s += run.report.setup_s;
         if self.reference {
             let stream = stream.cut_as(&run);
             balancer.reference(&stream, REFERENCE_PASSES, &scheduling.limits, quiet)?.judge(&mut run);

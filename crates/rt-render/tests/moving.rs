@@ -17,6 +17,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 const SIZE: [u32; 2] = [96, 60];
 const SAMPLES: u32 = 2;
@@ -49,8 +50,8 @@ fn render(renderer: &Renderer<'_>, view: &View, session: &mut Session<'_>, numbe
     let paths = renderer.paths(view.camera().expect("a camera"), number);
     let waves = Waves::new(SIZE, SAMPLES, 1, u64::MAX).expect("a size");
     let mut film = Film::new(SIZE).expect("memory");
-    let frame = Frame { paths: &paths, number, waves: &waves, end: None };
-    let shown: &mut dyn FnMut(&Film, u32) -> Result<(), RenderError> = &mut |_, _| Ok(());
+    let frame = Frame { paths: &paths, number, waves: &waves, end: None, show_every: Duration::MAX };
+    let shown: &mut dyn FnMut(&Film) -> Result<(), RenderError> = &mut |_| Ok(());
     frame.render(renderer, session, Passes::whole(SAMPLES), &mut film, shown).expect("a picture");
     film.sums().to_vec()
 }

@@ -55,8 +55,14 @@ fn waves() -> Waves {
 /// Of one process, in so many waves and in passes.
 fn rendered(renderer: &Renderer<'_>, paths: &Paths, waves: &Waves, passes: Passes) -> Film {
     let mut film = Film::new(SIZE).expect("memory");
-    let frame = Frame { paths, number: 0, waves, end: None };
-    let shown: &mut dyn FnMut(&Film, u32) -> Result<(), RenderError> = &mut |_, _| Ok(());
+    let frame = Frame { paths, number: 0, waves, end: None, show_every: Duration::from_millis(5) };
+    let mut samples = 0;
+    let shown: &mut dyn FnMut(&Film) -> Result<(), RenderError> = &mut |film| {
+        assert!(film.samples() >= samples.max(1), "shown before every pixel has a sample, or with fewer than before");
+        assert!(film.ahead().is_none_or(|(ahead, share)| ahead > film.samples() && share < 1.0));
+        samples = film.samples();
+        Ok(())
+    };
     with_session(renderer, |session| frame.render(renderer, session, passes, &mut film, shown)).expect("a picture");
     film
 }
@@ -80,9 +86,10 @@ fn passes_make_the_picture_of_one_go() {
     // What is shown after the first pass is the picture of one sample of as many.
     let mut first = Vec::new();
     let mut film = Film::new(SIZE).expect("memory");
-    let frame = Frame { paths: &paths, number: 0, waves: &waves(), end: Some(Instant::now()) };
-    let shown: &mut dyn FnMut(&Film, u32) -> Result<(), RenderError> = &mut |film, samples| {
-        first.push((samples, film.sums().to_vec()));
+    let frame =
+        Frame { paths: &paths, number: 0, waves: &waves(), end: Some(Instant::now()), show_every: Duration::MAX };
+    let shown: &mut dyn FnMut(&Film) -> Result<(), RenderError> = &mut |film| {
+        first.push((film.samples(), film.sums().to_vec()));
         Ok(())
     };
     with_session(&renderer, |session| frame.render(&renderer, session, Passes::doubling(SAMPLES), &mut film, shown))
@@ -110,7 +117,7 @@ fn together(renderer: &Renderer<'_>, paths: &Paths, ranks: Vec<LocalRank>) -> (F
             let mut job = FrameTiles { renderer, session, paths, frame: 0, tiles };
             let mut take = |Finished { tile, bytes, .. }: Finished<'_>| {
                 let pixels = tiles.wave(tile.into()).pixels;
-                film.take(&pixels, &unpack(tile, pixels.len(), bytes).expect("its pixels"));
+                film.take(&pixels, &unpack(tile, pixels.len(), bytes).expect("its pixels"), SAMPLES);
                 Ok(())
             };
             deal(&mut rank, &about, &mut job, &mut take)

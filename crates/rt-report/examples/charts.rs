@@ -161,7 +161,7 @@ fn costs(path: &Path, width: u32, height: u32, side: u32) -> Result<(), Box<dyn 
         ..stream(StreamKind::Primary, 0.0, &[1.0], 1)
     };
     let mut map = cost::CostMap::new("primary", [width, height]);
-    map.add(&run, |ray| pixels[ray as usize]);
+    map.add(&run, cost::each_ray(|ray| pixels[ray as usize]));
     Ok(cost::write_png(path, &[map])?)
 }
 
@@ -178,5 +178,5 @@ fn spheres(path: &Path) -> Result<(), Box<dyn std::error::Error>> {
             image.push(colors[row] * inside * 2.0_f32.powi(column as i32 - 3));
         }
     }
-    Ok(rt_report::image::write_png(path, [width as u32, height as u32], &image, 1.0)?)
+    Ok(rt_report::image::write_png(path, [width as u32, height as u32], &image, |_| 1.0)?)
 }

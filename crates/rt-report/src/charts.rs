@@ -4,6 +4,7 @@ use crate::chart::cost::{self, CostMap};
 use crate::chart::{timeline, trace};
 use crate::{Provenance, ReportError, exr, tasks};
 use rt_balance::report::StreamRun;
+use rt_cluster::Shard;
 use std::path::Path;
 
 /// Their names, and what each is; the costs in OpenEXR as well, if that is asked for.
@@ -21,6 +22,20 @@ pub fn files(with_exr: bool) -> Vec<(&'static str, &'static str)> {
         files.push((COSTS_EXR, "the costs as numbers, in OpenEXR"));
     }
     files
+}
+
+/// The names of what a process writes beside its pictures. Shards write to one folder, each a report of its own: what a
+/// shard knows is a part, of which charts would say little.
+#[must_use]
+pub fn names(with_exr: bool, shard: Option<Shard>) -> Vec<String> {
+    let all = || files(with_exr).into_iter().map(|(name, _)| name.to_owned()).collect();
+    shard.map_or_else(all, |_| vec![report_name(shard)])
+}
+
+/// The name of the report.
+#[must_use]
+pub fn report_name(shard: Option<Shard>) -> String {
+    shard.map_or_else(|| "report.json".to_owned(), |shard| format!("report-{shard}.json").replace('/', "-of-"))
 }
 
 /// The costs in OpenEXR.

@@ -17,26 +17,34 @@ pub const fn check() -> Result<(), ReportError> {
     if cfg!(feature = "exr") { Ok(()) } else { Err(ReportError::NoExr) }
 }
 
-/// Writes the means of `samples` radiances that were summed up for each pixel, row by row from the upper left.
+/// Writes the means of the radiances that were summed up for each pixel, row by row from the upper left; `samples_at`
+/// says how many those are.
 ///
 /// # Errors
 /// When there are not as many sums as pixels, or the file cannot be written.
 #[cfg(feature = "exr")]
-pub fn write_picture(path: &Path, size: [u32; 2], sums: &[Vec3], samples: u32) -> Result<(), ReportError> {
+pub fn write_picture(
+    path: &Path,
+    size: [u32; 2],
+    sums: &[Vec3],
+    samples_at: &(dyn Fn(usize) -> u32 + Sync),
+) -> Result<(), ReportError> {
     use ::exr::prelude::{Image, SpecificChannels, WritableImage};
     let [width, height] = size.map(|side| side as usize);
     if sums.len() != width * height {
         return Err(ReportError::Pixels { size, found: sums.len() });
     }
     let channels = SpecificChannels::rgb(|at: ::exr::math::Vec2<usize>| -> (f32, f32, f32) {
-        (sums[at.1 * width + at.0] / samples as f32).into()
+        let place = at.1 * width + at.0;
+        (sums[place] / samples_at(place).max(1) as f32).into()
     });
     let image = Image::from_layer(file::layer(size, channels, None));
     file::write(path, |out| image.write().to_buffered(out))
 }
 
 /// Writes what rays cost: for each map the channels `KIND.measured_ns` and, where there is an estimate,
-/// `KIND.estimated_ns`, nanoseconds per ray and NaN where that is not known. Kinds have no blanks there: `shadow_0`.
+/// `KIND.estimated_ns`, nanoseconds per ray and NaN where that is not known. Kinds have no blanks there: `shadow_0`; of
+/// an animation the frame is in front: `frame_7.shadow_0`.
 ///
 /// # Errors
 /// When there is no map, or the file cannot be written.
@@ -52,7 +60,7 @@ pub fn write_costs(path: &Path, maps: &[CostMap]) -> Result<(), ReportError> {
         let cells = || (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
         let sides = [("estimated_ns", map.origin() != Origin::Nowhere), ("measured_ns", true)];
         for (side, (name, _)) in sides.into_iter().enumerate().filter(|(_, (_, is_known))| *is_known) {
-            let name = format!("{}.{name}", map.kind().replace(' ', "_"));
+            let name = format!("{}.{name}", map.channel());
             let costs = cells().map(|(x, y)| map.costs_at(x, y)[side]).collect();
             channels.push(AnyChannel::new(name.as_str(), FlatSamples::F32(costs)));
         }
@@ -67,7 +75,7 @@ pub fn write_costs(path: &Path, maps: &[CostMap]) -> Result<(), ReportError> {
 /// # Errors
 /// Always.
 #[cfg(not(feature = "exr"))]
-pub fn write_picture(_: &Path, _: [u32; 2], _: &[Vec3], _: u32) -> Result<(), ReportError> {
+pub fn write_picture(_: &Path, _: [u32; 2], _: &[Vec3], _: &(dyn Fn(usize) -> u32 + Sync)) -> Result<(), ReportError> {
     check()
 }
 
@@ -120,6 +128,7 @@ mod file {
 #[cfg(all(test, feature = "exr"))]
 mod tests {
     use super::*;
+    use crate::chart::cost::each_ray;
     use crate::chart::samples::run;
     use ::exr::prelude::{read_all_flat_layers_from_file, read_first_rgba_layer_from_file};
     use rt_core::{Task, Work};
@@ -130,7 +139,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("image.exr");
         let sums: Vec<Vec3> = (0..6).map(|i| Vec3::new(i as f32, 0.1 * i as f32, 1e9 * i as f32)).collect();
-        write_picture(&path, [3, 2], &sums, 4).unwrap();
+        write_picture(&path, [3, 2], &sums, &|_| 4).unwrap();
         let read = read_first_rgba_layer_from_file(
             &path,
             |size, _| vec![[0.0; 3]; size.0 * size.1],
@@ -140,9 +149,9 @@ mod tests {
         let means: Vec<[f32; 3]> = sums.iter().map(|&sum| (sum / 4.0).to_array()).collect();
         assert_eq!(read.layer_data.channel_data.pixels, means);
         let before = std::fs::read(&path).unwrap();
-        write_picture(&path, [3, 2], &sums, 4).unwrap();
+        write_picture(&path, [3, 2], &sums, &|_| 4).unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), before, "the same bytes each time");
-        assert!(matches!(write_picture(&path, [2, 2], &sums, 4), Err(ReportError::Pixels { .. })));
+        assert!(matches!(write_picture(&path, [2, 2], &sums, &|_| 4), Err(ReportError::Pixels { .. })));
         assert_eq!(std::fs::read(&path).unwrap(), before);
     }
 
@@ -159,7 +168,7 @@ mod tests {
             (run.kept, run.device_of) = (vec![0], vec![0]);
             (run.predicted_s, run.measured_s) = (vec![6e-9], vec![8e-9]);
             let mut map = CostMap::new(kind, [2, 1]);
-            map.add(&run, |_| 0);
+            map.add(&run, each_ray(|_| 0));
             map
         };
         write_costs(&path, &[map("primary", "uniform"), map("shadow 0", "exact")]).unwrap();

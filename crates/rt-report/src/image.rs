@@ -12,7 +12,8 @@ use std::path::{Path, PathBuf};
 /// Pixels that are encoded before they are written: enough to occupy every core, few beside any picture.
 const BLOCK: usize = 1 << 18;
 
-/// Writes linear radiance (Rec. 709 primaries, row by row from the upper left), times `exposure`, as an 8-bit sRGB PNG.
+/// Writes linear radiance (Rec. 709 primaries, row by row from the upper left), times the `exposure` of each pixel, as
+/// an 8-bit sRGB PNG.
 ///
 /// It is encoded block by block, so that writing takes no memory that grows with the picture. Radiance up to about 0.8
 /// keeps its colour; what is brighter is compressed towards white. Values that are negative or not numbers become
@@ -20,7 +21,12 @@ const BLOCK: usize = 1 << 18;
 ///
 /// # Errors
 /// When `radiance` does not have `width · height` entries, or the file cannot be written.
-pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], exposure: f32) -> Result<(), ReportError> {
+pub fn write_png(
+    path: &Path,
+    [width, height]: [u32; 2],
+    radiance: &[Vec3],
+    exposure: impl Fn(usize) -> f32 + Sync,
+) -> Result<(), ReportError> {
     let pixels = u64::from(width) * u64::from(height);
     if radiance.len() as u64 != pixels {
         return Err(ReportError::Pixels { size: [width, height], found: radiance.len() });
@@ -28,8 +34,9 @@ pub fn write_png(path: &Path, [width, height]: [u32; 2], radiance: &[Vec3], expo
     // A picture is written after every pass, and its noise leaves little to compress.
     write(path, [width, height], png::Compression::Fast, |out| {
         let mut bytes: Vec<[u8; 3]> = Vec::new();
-        for block in radiance.chunks(BLOCK) {
-            block.par_iter().map(|&pixel| encode(pixel * exposure)).collect_into_vec(&mut bytes);
+        for (first, block) in (0..).step_by(BLOCK).zip(radiance.chunks(BLOCK)) {
+            let exposed = |(place, &pixel): (usize, &Vec3)| encode(pixel * exposure(first + place));
+            block.par_iter().enumerate().map(exposed).collect_into_vec(&mut bytes);
             out.write_all(bytes.as_flattened())?;
         }
         Ok(())
@@ -251,7 +258,7 @@ mod tests {
     fn a_picture_can_be_read_back() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("image.png");
-        write_png(&path, [2, 1], &[Vec3::ZERO, Vec3::splat(25.0)], 4.0).unwrap();
+        write_png(&path, [2, 1], &[Vec3::ZERO, Vec3::splat(25.0)], |_| 4.0).unwrap();
         let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
         let mut reader = png::Decoder::new(file).read_info().unwrap();
         let mut pixels = [0; 6];
@@ -259,7 +266,7 @@ mod tests {
         assert_eq!((info.width, info.height, info.color_type), (2, 1, png::ColorType::Rgb));
         assert_eq!(pixels[..3], [0; 3]);
         assert!(pixels[3..].iter().all(|&channel| channel > 250));
-        assert!(write_png(&path, [2, 2], &[Vec3::ZERO], 1.0).is_err());
+        assert!(write_png(&path, [2, 2], &[Vec3::ZERO], |_| 1.0).is_err());
     }
 
     /// Mutants: frames on top of each other, out of order, or beyond the sheet.

@@ -2,10 +2,12 @@
 
 use crate::frames::{self, Frames, Rendered};
 use crate::output::names;
+use crate::report::Ahead;
 use crate::{Provenance, ReportError, charts, exr, image};
 use glam::Vec3;
 use rt_cluster::Shard;
 use std::collections::HashSet;
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -14,6 +16,45 @@ const SHEET: &str = "contact.png";
 
 /// The name of a picture that is the only one.
 const ALONE: &str = "image.png";
+
+/// A frame as it is after a pass, or while one goes through it.
+#[derive(Clone, Copy)]
+pub struct Shot<'a> {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Sums of radiance in the order of [`image::write_png`].
+    pub sums: &'a [Vec3],
+    /// Of how many samples each of them is.
+    pub samples_at: &'a (dyn Fn(usize) -> u32 + Sync),
+    /// Computes its exposure, where it does not share that of all frames.
+    pub exposure: &'a dyn Fn() -> f32,
+    /// Samples that every pixel has.
+    pub samples: u32,
+    /// Those that some have already.
+    pub ahead: Option<Ahead>,
+}
+
+impl fmt::Debug for Shot<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { size, samples, ahead, .. } = self;
+        f.debug_struct("Shot")
+            .field("size", size)
+            .field("samples", samples)
+            .field("ahead", ahead)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A frame that was written.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Written {
+    /// Its number.
+    pub frame: u32,
+    /// Samples that every pixel has.
+    pub samples: u32,
+    /// Those that some have already.
+    pub ahead: Option<Ahead>,
+}
 
 /// A picture, or the frames of an animation, in a folder.
 #[derive(Clone, Debug)]
@@ -24,10 +65,11 @@ pub struct Pictures {
     with_exr: bool,
     /// That of all frames of an animation, and for each of everything that decides what it is.
     animation: Option<(f32, Vec<u64>)>,
-    /// The frame that was written last, and how many samples it has.
-    last: Option<(u32, u32)>,
+    last: Option<Written>,
     /// Frames that were written, each counted once.
     written: u32,
+    /// Whether the sheet is of these frames.
+    has_sheet: bool,
     /// Seconds that writing took.
     pub seconds: f64,
 }
@@ -43,6 +85,7 @@ impl Pictures {
             animation: None,
             last: None,
             written: 0,
+            has_sheet: false,
             seconds: 0.0,
         }
     }
@@ -123,7 +166,9 @@ impl Pictures {
     /// # Errors
     /// When the picture cannot be read or the note not be written.
     pub fn note(&self, frame: u32, seconds: f64, provenance: &Provenance) -> Result<(), ReportError> {
-        let (Some(fingerprint), Some((_, samples))) = (self.fingerprint(frame), self.last) else { return Ok(()) };
+        let (Some(fingerprint), Some(Written { samples, .. })) = (self.fingerprint(frame), self.last) else {
+            return Ok(());
+        };
         let seconds_before = self.seconds_before(frame);
         let exr = self.exr(frame);
         let exr = exr.as_deref();
@@ -131,33 +176,32 @@ impl Pictures {
         frames::note(&self.path(frame), &rendered)
     }
 
-    /// The picture that shows most: the sheet, or the only one.
+    /// The picture that shows most: the only one, the sheet of all frames or, where that was not made, the frame that
+    /// was written last.
     #[must_use]
     pub fn main(&self) -> PathBuf {
-        self.folder.join(self.sheet().unwrap_or(ALONE))
+        match self.last {
+            Some(Written { frame, .. }) if !self.has_sheet => self.path(frame),
+            _ => self.folder.join(self.sheet().unwrap_or(ALONE)),
+        }
     }
 
-    /// Writes a frame: sums of the radiance of so many samples of each pixel, in the order of [`image::write_png`].
-    /// Its exposure is that of all frames, or what `exposure` computes where there is none.
+    /// Writes a frame, exposed as all of them or, where there is no such exposure, by its own.
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn write(
-        &mut self,
-        (size, sums): ([u32; 2], &[Vec3]),
-        exposure: impl FnOnce() -> f32,
-        frame: u32,
-        samples: u32,
-    ) -> Result<(), ReportError> {
+    pub fn write(&mut self, shot: Shot<'_>, frame: u32) -> Result<(), ReportError> {
         let begin = Instant::now();
+        let Shot { size, sums, samples_at, exposure, samples, ahead } = shot;
         let exposure = self.animation.as_ref().map_or_else(exposure, |(exposure, _)| *exposure);
-        image::write_png(&self.path(frame), size, sums, exposure / samples as f32)?;
+        let mean = |place| exposure / samples_at(place).max(1) as f32;
+        image::write_png(&self.path(frame), size, sums, mean)?;
         if let Some(path) = self.exr(frame) {
-            exr::write_picture(&path, size, sums, samples)?;
+            exr::write_picture(&path, size, sums, samples_at)?;
         }
         // Passes of a frame follow each other.
-        self.written += u32::from(self.last.is_none_or(|(last, _)| last != frame));
-        self.last = Some((frame, samples));
+        self.written += u32::from(self.last.is_none_or(|last| last.frame != frame));
+        self.last = Some(Written { frame, samples, ahead });
         self.seconds += begin.elapsed().as_secs_f64();
         Ok(())
     }
@@ -166,12 +210,14 @@ impl Pictures {
     ///
     /// # Errors
     /// When a frame cannot be read or the file not be written.
-    pub fn write_sheet(&self) -> Result<(), ReportError> {
+    pub fn write_sheet(&mut self) -> Result<(), ReportError> {
         let Some(sheet) = self.sheet().filter(|_| self.frames.range().all(|frame| self.is_whole(frame))) else {
             return Ok(());
         };
         let frames: Vec<PathBuf> = self.names().map(|name| self.folder.join(name)).collect();
-        image::write_contact_sheet(&self.folder.join(sheet), &frames)
+        image::write_contact_sheet(&self.folder.join(sheet), &frames)?;
+        self.has_sheet = true;
+        Ok(())
     }
 
     /// How many frames were written.
@@ -180,17 +226,10 @@ impl Pictures {
         self.written
     }
 
-    /// The frame that was written last, and how many samples of each pixel it has.
+    /// What was written last.
     #[must_use]
-    pub const fn last(&self) -> Option<(u32, u32)> {
+    pub const fn last(&self) -> Option<Written> {
         self.last
-    }
-
-    /// What was written last, in words; `all` samples were asked for.
-    #[must_use]
-    pub fn told(&self, all: u32) -> String {
-        let (frame, samples) = self.last.unwrap_or_default();
-        format!("{} has {samples} of {all} samples of each pixel", self.path(frame).display())
     }
 
     /// Pictures of earlier runs that will lie beside these, in a sentence; `None` where there is none.
@@ -236,32 +275,48 @@ pub struct Part {
 mod tests {
     use super::*;
 
+    /// Of pixels in a column.
+    fn shot<'a>(sums: &'a [Vec3], samples_at: &'a (dyn Fn(usize) -> u32 + Sync)) -> Shot<'a> {
+        let size = [1, sums.len() as u32];
+        Shot { size, sums, samples_at, exposure: &|| 1.0, samples: samples_at(0), ahead: None }
+    }
+
+    /// Fails when a pixel that is ahead of others is divided by their samples: it would be too bright.
+    #[test]
+    fn pixels_that_are_ahead_are_as_bright() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut pictures = Pictures::new(dir.path(), &Frames::ALONE);
+        let mut bytes = |sums: [f32; 2], samples_at: &(dyn Fn(usize) -> u32 + Sync)| {
+            pictures.write(shot(&sums.map(Vec3::splat), samples_at), 0).unwrap();
+            std::fs::read(pictures.main()).unwrap()
+        };
+        let even = bytes([0.25, 0.25], &|_| 1);
+        assert_eq!(bytes([0.25, 1.0], &|place| [1, 4][place]), even);
+        assert_ne!(bytes([0.25, 1.0], &|_| 1), even);
+    }
+
     /// Mutants: a frame with an exposure of its own; sums not divided by their samples; own pictures taken for others'.
     #[test]
     fn frames_share_an_exposure_and_others_pictures_are_told() {
         let dir = tempfile::tempdir().unwrap();
         let mut pictures = Pictures::new(dir.path(), &"2".parse().unwrap()).of_animation(0.25, vec![7, 8]);
-        let grey = |value: f32| ([1, 1], vec![Vec3::splat(value)]);
-        let (size, dark) = grey(0.5);
-        pictures.write((size, &dark), || 100.0, 0, 1).unwrap();
+        pictures.write(shot(&[Vec3::splat(0.5)], &|_| 1), 0).unwrap();
         // Twice as bright, of twice as many samples.
-        let (_, bright) = grey(1.0);
-        pictures.write((size, &bright), || 100.0, 1, 2).unwrap();
+        pictures.write(shot(&[Vec3::ONE], &|_| 2), 1).unwrap();
         let [first, second] =
             ["image-0000.png", "image-0001.png"].map(|name| std::fs::read(dir.path().join(name)).unwrap());
         assert_eq!(first, second);
-        assert_eq!(pictures.last(), Some((1, 2)));
-        assert!(pictures.told(8).ends_with("image-0001.png has 2 of 8 samples of each pixel"));
+        assert_eq!(pictures.last(), Some(Written { frame: 1, samples: 2, ahead: None }));
         assert_eq!(pictures.leftovers(), None);
-        assert_eq!(pictures.main(), dir.path().join("contact.png"));
         pictures.write_sheet().unwrap();
-        assert!(!pictures.main().exists(), "no frame is known to be whole");
+        assert_eq!(pictures.main(), dir.path().join("image-0001.png"), "no frame is known to be whole");
         let provenance = Provenance::now(1, ["cpu:1"]);
         pictures.note(0, 2.0, &provenance).unwrap();
         assert_eq!(pictures.part(Shard::WHOLE, false), Part { missing: vec![1], whole: 1 });
         assert_eq!(pictures.part(Shard::WHOLE, true), Part { missing: vec![0, 1], whole: 0 });
         pictures.note(1, 5.0, &provenance).unwrap();
         pictures.write_sheet().unwrap();
+        assert_eq!(pictures.main(), dir.path().join("contact.png"));
         assert!(pictures.main().exists());
         let alone = Pictures::new(dir.path(), &Frames::ALONE).leftovers().unwrap();
         assert!(alone.starts_with("3 pictures in ") && alone.ends_with("run: contact.png and others"), "{alone}");
@@ -280,7 +335,7 @@ mod tests {
         };
         let render = |pictures: &mut Pictures, frames: &[u32], seconds: f64| {
             for &frame in frames {
-                pictures.write(([1, 1], &[Vec3::ONE]), || 1.0, frame, 4).unwrap();
+                pictures.write(shot(&[Vec3::ONE], &|_| 4), frame).unwrap();
                 pictures.note(frame, seconds * f64::from(frame), &provenance).unwrap();
             }
         };

@@ -5,8 +5,10 @@
 
 use crate::Machine;
 use crate::html::escaped;
+use rt_core::Device;
 use serde::Serialize;
 use std::fmt::{self, Write};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 /// The commit that this program was built from, as the build script found it.
@@ -42,6 +44,12 @@ impl Provenance {
             seed: seed.into(),
             command: command_line(),
         }
+    }
+
+    /// Of results that these devices make now.
+    #[must_use]
+    pub fn of(seed: u32, devices: &[Arc<dyn Device>]) -> Self {
+        Self::now(seed, devices.iter().map(|device| device.info().name.clone()))
     }
 
     /// Every part with its name.

@@ -1,15 +1,17 @@
 //! `report.json`, schema 2 (described in docs/report.md).
 
-use crate::Provenance;
 use crate::headline::Headline;
+use crate::output::write_atomically;
+use crate::{Provenance, ReportError, charts};
 use glam::{DVec3, Vec3};
 use rt_balance::report::{StreamReport, StreamRun, UpdateReport};
-use rt_cluster::ClusterReport;
+use rt_cluster::{ClusterReport, Shard};
 use rt_scene::View;
 use rt_scene::prepare::Prepared;
 use rt_scene::scan::Plan;
 use serde::Serialize;
 use std::fmt;
+use std::path::Path;
 
 /// The version of the layout; it changes when a field changes its meaning or goes away.
 pub const SCHEMA: u32 = 2;
@@ -90,6 +92,23 @@ impl SceneReport {
     }
 }
 
+impl Report {
+    /// Writes it to a folder, in which shards have reports of their own.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, folder: &Path, shard: Option<Shard>) -> Result<(), ReportError> {
+        let path = folder.join(charts::report_name(shard));
+        write_atomically(&path, |file| Ok(serde_json::to_writer_pretty(file, self)?))
+    }
+
+    /// What is missing of the picture that was asked for, and why, in words; `None` where nothing is.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        self.picture.as_ref().and_then(PictureReport::missing)
+    }
+}
+
 /// A picture, or the frames of an animation.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PictureReport {
@@ -99,13 +118,19 @@ pub struct PictureReport {
     pub samples: u32,
     /// Samples that were asked for.
     pub samples_asked: u32,
+    /// Samples that a part of the pixels has beyond those, where the pass was not whole.
+    pub ahead: Option<Ahead>,
+    /// Whether a signal ended the run before all was rendered.
+    pub interrupted: bool,
     /// Diffuse bounces.
     pub bounces: u32,
     /// Number of the first frame that was asked for.
     pub first_frame: u32,
     /// Frames that are there: of a shard, its own.
     pub frames: u32,
-    /// How many of them were there before.
+    /// Frames that were asked for: of a shard, its own.
+    pub frames_asked: u32,
+    /// How many of those that are there were there before.
     pub frames_before: u32,
     /// Which of several processes this was that share the frames, as `3/8`.
     pub shard: Option<String>,
@@ -119,6 +144,30 @@ pub struct PictureReport {
     pub seed: u32,
     /// The camera of the first frame that was asked for.
     pub camera: CameraReport,
+}
+
+impl PictureReport {
+    /// As [`Report::missing`].
+    fn missing(&self) -> Option<String> {
+        let Self { samples, samples_asked, frames, frames_asked, .. } = self;
+        let why = if self.interrupted { "interrupted" } else { "the time was over" };
+        if frames_asked > &1 {
+            return (frames < frames_asked).then(|| format!("{why}: {frames} of {frames_asked} frames are whole"));
+        }
+        let ahead = |Ahead { samples, share }: &Ahead| format!(", {samples} of {:.0}% of them", 100.0 * share);
+        let ahead = self.ahead.as_ref().map_or_else(String::new, ahead);
+        let told = || format!("{why}: {samples} of {samples_asked} samples of each pixel{ahead}");
+        (samples < samples_asked).then(told)
+    }
+}
+
+/// Samples that a part of a picture's pixels has, where a pass was not whole.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ahead {
+    /// Of each of these pixels.
+    pub samples: u32,
+    /// Their share of all.
+    pub share: f64,
 }
 
 /// A view, in the coordinates of the scene's file.

@@ -1,6 +1,6 @@
 //! What commands say of a run on a terminal, in lines that fit it.
 
-use crate::report::{PictureReport, Report, Seconds};
+use crate::report::{Report, Seconds};
 use crate::table::{self, grouped, seconds};
 use rt_balance::report::StreamRun;
 use rt_cluster::ClusterReport;
@@ -104,9 +104,8 @@ pub fn rendered(report: &Report, runs: &[StreamRun], explain: bool, out: &Path, 
     let _ = writeln!(text, "\n{}", streams(runs, width));
     text += &updates(report, width);
     text += &wall(report, width);
-    if let Some(picture) = report.picture.as_ref().filter(|picture| picture.samples < picture.samples_asked) {
-        let PictureReport { samples, samples_asked, .. } = picture;
-        let _ = writeln!(text, "  {samples} of {samples_asked} samples of each pixel fitted into the time");
+    if let Some(missing) = report.missing() {
+        let _ = writeln!(text, "{}", wrapped(&format!("  {missing}"), "    ", width));
     }
     let written =
         format!("  written to {}: image, cost, timeline, trace, tasks, report (.json and .html)", out.display());

@@ -90,14 +90,15 @@ pub(crate) struct RenderArgs {
     /// build it
     #[arg(long, help_heading = heading::MACHINES)]
     pub(crate) broadcast: bool,
-    /// Which part of the frames this process renders: 1/8 to 8/8 for the first to the last of eight that share --out
+    /// Which part of the frames is rendered: 1/8 to 8/8 for the first to the last of eight processes that share --out,
+    /// or of eight mpirun; with --checkpoint each goes on within a frame
     #[arg(long, help_heading = heading::MACHINES, value_name = "I/N", requires = "frames",
-          conflicts_with_all = ["reference", "checkpoint"])]
+          conflicts_with = "reference")]
     pub(crate) shard: Option<Shard>,
     /// Print a script that starts a process for each of --shards, and render nothing: slurm or hq (HyperQueue) for a
     /// task array, parallel for a command in each line
     #[arg(long, help_heading = heading::MACHINES, value_name = "ENGINE", requires_all = ["frames", "shards"],
-          conflicts_with_all = ["shard", "reference", "checkpoint"])]
+          conflicts_with_all = ["shard", "reference"])]
     pub(crate) emit: Option<Recipe>,
     /// Into how many parts --emit deals the frames
     #[arg(long, help_heading = heading::MACHINES, value_name = "N", requires = "emit",

@@ -16,7 +16,7 @@ use rt_report::headline::Headline;
 use rt_report::pictures::Part;
 use rt_report::print::Stdout;
 use rt_report::usage::usage;
-use rt_report::{Provenance, terminal};
+use rt_report::{Provenance, charts, terminal};
 use rt_scene::streams::Waves;
 use std::io::{self, Write};
 use std::time::Instant;
@@ -34,16 +34,15 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     if args.time.is_some() {
         bail!(usage("--time is for one process: leave it out where several work together"));
     }
-    if args.shard.is_some() {
-        bail!(usage("--shard is for processes that work apart: leave it out where several work together"));
-    }
     let is_first = ranks.rank() == 0;
+    // Shards would write it to one folder.
+    let timelines = args.shard.is_none().then(|| "trace.json".to_owned());
+    let files: Vec<String> = timelines.iter().cloned().chain([charts::report_name(args.shard)]).collect();
+    let outputs = is_first.then(|| render::outputs(args, &files));
     let mut relay = super::relay(ranks)?;
     if is_first || !args.broadcast {
-        render::check(args)?;
+        render::check(args, outputs.as_ref())?;
     }
-    let outputs = is_first.then(|| render::outputs(args, &["report.json", "trace.json"]));
-    outputs.as_ref().map_or(Ok(()), rt_report::output::Outputs::check)?;
     let tiles = cut(args, ranks)?;
     let (source, described) = source(args, outputs.as_ref(), &mut relay)?;
     let Stage { devices, balancer, motion, mut renderer, mut animation, begin_s, mut seconds } =
@@ -54,22 +53,26 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     let mut scene = fingerprint_of_scene(&renderer);
     let mut film = Film::new(if is_first { args.size } else { [1, 1] })?;
     let mut pictures = render::pictures(args, &renderer, &motion)?;
-    // Only rank 0 knows which frames are whole; to the others their tiles are finished before they begin.
-    let Part { missing, whole } = if is_first { render::part(args, &pictures) } else { Part::default() };
-    let provenance = Provenance::now(args.balance.seed, render::names(&devices));
+    // Only rank 0 knows which frames are whole, and which are those of a shard.
+    let mut part = if is_first { render::part(args, &pictures) } else { Part::default() };
+    if is_first {
+        relay.tell(&part.missing).map_err(explained)?;
+    } else {
+        part.missing = relay.hear().map_err(explained)?;
+    }
+    let provenance = Provenance::of(args.balance.seed, &devices);
     let (mut reports, mut is_complete) = (Vec::new(), true);
     // Of each tile, in the frame before.
-    let mut before: Vec<f32> = Vec::new();
-    for frame in args.frames.range() {
+    let mut before: Option<Vec<f32>> = None;
+    for &frame in &part.missing {
         if animation.show(frame, &mut renderer, &mut session)? {
             scene = fingerprint_of_scene(&renderer);
         }
         let paths = renderer.paths(motion.camera(frame)?, frame);
         let count = u32::try_from(tiles.count())?;
-        let is_whole = is_first && !missing.contains(&frame);
         let about = Deal {
             round: frame,
-            prices: (frame > args.frames.range().start).then_some(&before[..]),
+            prices: before.as_deref(),
             cancel: Some(interrupt::flag()),
             ..Deal::new(count, fingerprint(scene, &renderer, &paths, &tiles))
         };
@@ -77,17 +80,17 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         let bar = progress::bar("rendering", count.into());
         let mut gather = |Finished { tile, seconds, bytes }: Finished<'_>| {
             let pixels = tiles.wave(tile.into()).pixels;
-            film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?);
+            film.take(&pixels, &tiles::unpack(tile, pixels.len(), bytes).map_err(io::Error::other)?, args.spp);
             took[tile as usize] = seconds;
             bar.inc(1);
             Ok(())
         };
-        let kept = args.checkpoint.as_ref().filter(|_| is_first && !is_whole).map(|folder| {
+        let kept = args.checkpoint.as_ref().filter(|_| is_first).map(|folder| {
             let file = folder.join(format!("frame-{frame:04}.tiles"));
             Checkpoint::open(&file, about.fingerprint, count, &mut gather)
         });
         let (mut checkpoint, finished) = kept.transpose()?.unzip();
-        let finished = if is_whole { (0..count).collect() } else { finished.unwrap_or_default() };
+        let finished = finished.unwrap_or_default();
         let about = Deal { finished: &finished, ..about };
         let mut take = |done: Finished<'_>| {
             gather(done)?;
@@ -98,15 +101,16 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
         bar.finish_and_clear();
         let dealt = dealt.map_err(explained)?;
         is_complete &= dealt.is_complete;
-        if is_whole {
-            continue;
-        }
-        before = took;
+        let tiles_s: f32 = took.iter().sum();
+        before = Some(took);
         if let Some(report) = dealt.report {
             warn(&report);
             seconds.trace += report.makespan_s;
-            render::write(&mut pictures, &film, frame, args.spp)?;
-            pictures.note(frame, report.makespan_s, &provenance)?;
+            render::write(&mut pictures, &film, frame)?;
+            // What those who were at it before have done counts too.
+            let busy_s: f64 = report.ranks.iter().map(|rank| rank.busy_s).sum();
+            let before_s = (f64::from(tiles_s) - busy_s).max(0.0) / f64::from(relay.size());
+            pictures.note(frame, report.makespan_s + before_s, &provenance)?;
             reports.push(report);
         }
     }
@@ -123,19 +127,21 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
     };
     if let Some(described) = described.filter(|_| is_first) {
         pictures.write_sheet()?;
-        if missing.is_empty() {
+        if part.missing.is_empty() {
             return Ok(is_complete);
         }
         seconds.write += pictures.seconds;
         seconds.add_updates(animation.updates());
         seconds.total = start.elapsed().as_secs_f64();
         let heard: Vec<Heard> = heard.into_iter().flatten().collect();
-        let timelines = Timeline::together(timeline, begin_s, &heard);
-        trace::write_timelines(&args.out.join("trace.json"), &timelines, &provenance)?;
+        if let Some(name) = timelines {
+            let timelines = Timeline::together(timeline, begin_s, &heard);
+            trace::write_timelines(&args.out.join(name), &timelines, &provenance)?;
+        }
         let report = Report {
             schema: SCHEMA,
             provenance,
-            picture: Some(render::picture_report(args, &pictures, whole, &motion, &described)),
+            picture: Some(render::picture_report(args, &pictures, &part, &motion, &described)),
             scene: described,
             queue: scheduling.queue.name(),
             policy: scheduling.policy_name(),
@@ -145,7 +151,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             cluster: reports,
             seconds,
         };
-        render::write_report(args, &report)?;
+        report.write(&args.out, args.shard)?;
         if args.json {
             writeln!(Stdout, "{}", serde_json::to_string_pretty(&report)?)?;
         } else {
@@ -154,7 +160,7 @@ pub(crate) fn run(args: &RenderArgs, ranks: &mut Ranks) -> Result<bool> {
             writeln!(Stdout, "\n{}", terminal::ranks(&report.cluster, width).trim_end())?;
             write!(Stdout, "{}", terminal::updates(&report, width))?;
             writeln!(Stdout, "  wall: {} in total", table::seconds(report.seconds.total))?;
-            writeln!(Stdout, "  written to {}: image, trace.json, report.json", args.out.display())?;
+            writeln!(Stdout, "  written to {}: image, {}", args.out.display(), files.join(", "))?;
             write!(Stdout, "\n{}", terminal::headline(&report, width))?;
         }
     }

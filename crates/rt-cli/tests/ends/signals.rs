@@ -152,10 +152,11 @@ fn what_a_signal_finds_half_written_is_removed() {
     assert!(seen_writing > 0, "it was never caught writing");
 }
 
-/// What was whole when the signal came is kept and said. On a busy machine the process may be ended from outside before
-/// it has said so: then it is tried again.
+/// What was whole when the signal came is kept and said, with charts and page about it. On a busy machine the process
+/// may be ended from outside before it has stopped tracing: then it is tried again.
 ///
-/// Mutants: a picture of a pass that is not whole; nothing said; exit code 1.
+/// Mutants: a picture of fewer samples than the report says; nothing said; exit code 1; charts of nothing, or cut short
+/// by the signal.
 #[test]
 fn passes_that_are_whole_are_kept() {
     const TRIES: u32 = 20;
@@ -177,13 +178,18 @@ fn passes_that_are_whole_are_kept() {
         let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(&picture).unwrap()));
         assert_eq!(decoder.read_info().unwrap().info().width, 320);
         assert_eq!(partial_files(&folder.at("")), [""; 0]);
-        if let Ok(report) = fs::read(folder.at("out/report.json")) {
-            let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        if let Ok(page) = fs::read_to_string(folder.at("out/report.html")) {
+            let report: serde_json::Value =
+                serde_json::from_slice(&fs::read(folder.at("out/report.json")).unwrap()).unwrap();
             let samples = report["picture"]["samples"].as_u64().unwrap();
             assert!((1..4096).contains(&samples), "{samples}");
-            assert!(told.contains(&format!("image.png has {samples} of 4096 samples of each pixel")), "{told}");
+            let missing = format!("interrupted: {samples} of 4096 samples of each pixel");
+            assert!(told.contains(&missing) && page.contains(&missing), "{told}");
+            for chart in ["cost.png", "timeline.svg", "trace.json", "tasks.csv"] {
+                assert!(folder.at("out").join(chart).exists(), "{chart}");
+            }
             return;
         }
     }
-    panic!("no report in {TRIES} tries");
+    panic!("no page in {TRIES} tries");
 }

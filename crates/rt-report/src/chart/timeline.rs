@@ -22,6 +22,8 @@ const HEADER: f64 = 58.0;
 const PANEL_TITLE: f64 = 46.0;
 const PANEL_AXIS: f64 = 48.0;
 const ROW: f64 = 26.0;
+/// Width of a letter of a panel's title at most, with some room behind the title.
+const NAME_LETTER: f64 = 10.0;
 /// Height of a panel's rows where there are so many devices that each must be thinner than [`ROW`].
 const MOST_ROWS_HEIGHT: f64 = 640.0;
 /// Rows thinner than this have no room for a name.
@@ -124,11 +126,14 @@ impl<'a> Panel<'a> {
     fn draw(&self, sheet: &mut Sheet, top: f64) {
         let report = &self.run.report;
         let mut name = report.kind.clone();
-        if report.frame > 0 || report.wave > 0 {
-            name += &format!(", frame {}, wave {}", report.frame, report.wave);
+        for (what, number) in [("frame", report.frame), ("wave", report.wave)] {
+            if number > 0 {
+                name += &format!(", {what} {number}");
+            }
         }
+        let summary = LEFT.max(MARGIN + NAME_LETTER * name.chars().count() as f64);
         sheet.text(name, (MARGIN, top + 12.0), Look { size: 15.0, bold: true, ..Look::default() });
-        sheet.text(self.summary(), (LEFT, top + 12.0), Look { color: FAINT, ..Look::default() });
+        sheet.text(self.summary(), (summary, top + 12.0), Look { color: FAINT, ..Look::default() });
 
         let mut y = top + PANEL_TITLE - 14.0;
         let first = y;
@@ -156,7 +161,7 @@ impl<'a> Panel<'a> {
             report.estimate.estimator,
             duration(report.makespan_s)
         );
-        if let Some(imbalance) = report.imbalance {
+        if let Some(imbalance) = report.imbalance.filter(|_| self.rows.len() > 1) {
             summary += &format!("  ·  imbalance {}", percent(imbalance));
         }
         if let Some(excess) = report.excess {

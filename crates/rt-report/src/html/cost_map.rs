@@ -12,10 +12,10 @@ const COLOURS: u32 = 256;
 /// Adds the map to a page.
 pub(super) fn add(page: &mut Page, map: &CostMap) {
     let [width, height] = map.size();
-    let (origin, kind, means, top) = (map.origin(), escaped(map.kind()), map.means(), map.top());
+    let (origin, name, means, top) = (map.origin(), escaped(&map.name()), map.means(), map.top());
     // A `<` could end the script's element.
     let data = data(map, top.cost).to_string().replace('<', "\\u003c");
-    let mut markup = format!("<div class=\"cost\"><h3>{kind} rays</h3>");
+    let mut markup = format!("<div class=\"cost\"><h3>{name}</h3>");
     if let Some(reason) = map.why_not() {
         let _ = write!(markup, "<p>{}</p>", escaped(&reason));
     }
@@ -28,13 +28,13 @@ pub(super) fn add(page: &mut Page, map: &CostMap) {
     markup.push_str("<div class=\"maps\">");
     let is_estimated = origin != Origin::Nowhere;
     let estimated = is_estimated.then_some((CostMap::name_of_estimate(origin), "estimated_ns", means.estimated));
-    for (name, values, mean) in estimated.into_iter().chain([("measured", "measured_ns", means.measured)]) {
+    for (side, values, mean) in estimated.into_iter().chain([("measured", "measured_ns", means.measured)]) {
         let mean = mean.map_or_else(String::new, |ns| format!(", mean {} per ray", escaped(&duration(ns * 1e-9))));
         let _ = write!(
             markup,
-            "<div><h4>{name}{mean}</h4><canvas width=\"{width}\" height=\"{height}\" data-values=\"{values}\" \
-             tabindex=\"0\" role=\"img\" aria-label=\"Map of the time of every task of {kind} rays, {name}, one task \
-             per patch; arrow keys go from task to task\"></canvas></div>"
+            "<div><h4>{side}{mean}</h4><canvas width=\"{width}\" height=\"{height}\" data-values=\"{values}\" \
+             tabindex=\"0\" role=\"img\" aria-label=\"Map of the time of every task of {name}, {side}, one task per \
+             patch; arrow keys go from task to task\"></canvas></div>"
         );
     }
     let end = escaped(&duration(top.cost * 1e-9));

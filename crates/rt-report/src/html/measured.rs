@@ -2,7 +2,7 @@
 
 use super::{Page, cost_map};
 use crate::ReportError;
-use crate::chart::cost::{CostMap, Origin, TaskCosts};
+use crate::chart::cost::{CostMap, Origin, TaskCosts, each_ray};
 use crate::chart::{scatter, timeline};
 use crate::report::Report;
 use crate::table;
@@ -37,7 +37,7 @@ impl Traced<'_> {
         page.lead(&self.report.headline.sentence);
         if let Some([width, height]) = self.size {
             let mut map = CostMap::new(&self.run.report.kind, [width, height]);
-            map.add(self.run, |ray| (ray % width.max(1)) | ((ray / width.max(1)) << 16));
+            map.add(self.run, each_ray(|ray| (ray % width.max(1)) | ((ray / width.max(1)) << 16)));
             add_costs(&mut page, &[map]);
         }
         add_to(&mut page, self.report, runs)?;
@@ -50,7 +50,8 @@ pub(super) fn add_costs(page: &mut Page, maps: &[CostMap]) {
     page.section("Cost of each task");
     page.paragraph(
         "Device time of the rays of each task, per ray that was traced: as estimated (scaled to what each device took \
-         in all) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task.",
+         in all) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task. \
+         Of several frames the first and the most expensive one are shown.",
     );
     if let Some(what) = maps.iter().find_map(CostMap::not_used) {
         page.paragraph(&format!(
@@ -62,8 +63,8 @@ pub(super) fn add_costs(page: &mut Page, maps: &[CostMap]) {
     for map in maps {
         let tasks = map.tasks().len();
         if tasks > left {
-            let (kind, tasks) = (map.kind(), table::grouped(tasks as u64));
-            page.paragraph(&format!("The {tasks} tasks of {kind} rays are more than fit this page: see cost.png."));
+            let (name, tasks) = (map.name(), table::grouped(tasks as u64));
+            page.paragraph(&format!("The {tasks} tasks of {name} are more than fit this page: see cost.png."));
             continue;
         }
         left -= tasks;

@@ -14,7 +14,7 @@ pub struct Rendered<'a> {
     pub report: &'a Report,
     /// The streams, in the order of the report.
     pub runs: &'a [StreamRun],
-    /// What the first frame's rays cost, kind by kind.
+    /// What rays cost, frame by frame and kind by kind.
     pub maps: &'a [CostMap],
     /// The picture's file; of an animation the contact sheet's.
     pub picture: &'a Path,
@@ -33,6 +33,7 @@ impl Rendered<'_> {
         let seeds = format!("Seed {seed} of samples, pixels and bounces.");
         let title = format!("raybalance: {}", scene.source);
         let mut page = Page::new(&title, &self.report.provenance, &seeds);
+        self.report.missing().iter().for_each(|missing| page.lead(&format!("Not all that was asked for: {missing}.")));
         page.lead(&self.report.headline.sentence);
         page.section("Picture");
         let told = self.report.picture.as_ref().map_or_else(String::new, |p| {

@@ -5,6 +5,7 @@ use super::history::{Pasts, Recalled};
 use super::price::WalkPrices;
 use super::{Uniform, uniform};
 use crate::sample::Fraction;
+use crate::uninformed::fixed_excess;
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
@@ -15,10 +16,10 @@ use rt_core::{CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, 
 /// * **There is a past.** The measured seconds of the last stream of the kind and part tell what its tasks cost: off
 ///   by 2 to 4% while a camera turns by up to a degree from one to the next. Every stream leaves such a past, also one
 ///   that was traced without an estimate.
-/// * **There is none, and the queue cannot mend what it does not know**: fewer than 32 tasks a device, static
-///   lists, or launches so expensive that the queue makes few of them ([`RayStream::moves`]). Then two samples of each
-///   task are walked, if they cost less than half of what is expected to be lost without
-///   ([`RayStream::uninformed_excess`]).
+/// * **There is none, and samples win more than they cost**: what the stream is expected to lose if nothing is known
+///   ([`RayStream::uninformed_excess`]: much where tasks are few, lists are static, or launches so expensive that the
+///   queue makes few of them), less what it loses by estimates that are as wrong as those of two samples of each task.
+///   Then these are walked.
 /// * **Otherwise** every ray counts the same ([`Uniform`]): the queue finds out while it runs.
 ///
 /// [`CostEstimator::reason`] says which of these it was, with its numbers.
@@ -31,15 +32,15 @@ pub struct Auto {
     counts: Option<CountsToken>,
 }
 
-/// Up to so many tasks a device an estimate is worth 3 to 20% of the frame, and above twice as many nothing
-/// (docs/results/scheduling.md).
-const FEW: f64 = 32.0;
+/// Standard deviation of what two samples of a task say of its seconds, as a share of them, where rays are coherent and
+/// elsewhere: what counts err by against time, and what samples do against counts (docs/results/estimation.md).
+const ERROR: [f64; 2] = [0.2, 0.35];
 
 /// Samples of a task: an eighth of the price of one ray in 64, and nearly as good for balancing.
 const SAMPLES: f64 = 2.0;
 
-/// Share of what is lost without an estimate that one may cost: it will not win all of it.
-const STAKE: f64 = 0.5;
+/// Share of what an estimate is expected to win that it may cost: that is known within a factor of 2 or so.
+const STAKE: f64 = 0.7;
 
 /// What was decided of a stream, and the numbers that decided.
 #[derive(Clone, Copy, Debug, Default)]
@@ -49,7 +50,12 @@ struct Decision {
     /// As in [`RayStream`].
     moves: bool,
     loss: f64,
-    /// What the samples would cost, as a share of the trace.
+    /// What is lost with the samples, beside their price.
+    left: f64,
+    /// The share of the rays that the samples would be: [`SAMPLES`] of each task, or more where that is less than
+    /// samplers take. Of tasks of so many rays they cost little, and two would tell nothing.
+    fraction: f64,
+    /// What they would cost, as a share of the trace.
     price: f64,
 }
 
@@ -63,25 +69,29 @@ enum Choice {
 
 impl Decision {
     fn of(stream: RayStream<'_>, has_past: bool, prices: &WalkPrices) -> Self {
-        let (tasks, rays) = (stream.tasks.len() as f64, f64::from(stream.rays()));
+        let tasks = stream.tasks.len() as f64;
+        let two = SAMPLES * tasks / f64::from(stream.rays().max(1));
+        let error = ERROR[usize::from(!stream.is_coherent())];
+        let fraction = two.clamp(Fraction::MIN.value(), Fraction::ONE.value());
         let mut decision = Self {
             choice: Choice::Past,
             tasks_a_device: tasks / f64::from(stream.devices.max(1)),
             moves: stream.moves,
             loss: stream.uninformed_excess,
-            price: SAMPLES * tasks / rays.max(1.0) * prices.of(&stream).of_sample(stream.devices),
+            left: error * fixed_excess(stream.tasks.len(), stream.devices as usize),
+            fraction,
+            price: fraction * prices.of(&stream).of_sample(stream.devices),
         };
         if !has_past {
-            let pays = decision.needs_costs() && decision.price < STAKE * decision.loss;
-            decision.choice = if pays { Choice::Samples } else { Choice::Nothing };
+            decision.choice = if decision.price < STAKE * decision.gain() { Choice::Samples } else { Choice::Nothing };
         }
         decision
     }
 
-    /// Whether the queue cannot mend what it does not know; or all is to be lost, by which a caller asks for an
-    /// estimate.
-    fn needs_costs(&self) -> bool {
-        self.tasks_a_device < FEW || !self.moves || self.loss >= 1.0
+    /// What samples are expected to win, their price left out: nothing where chance makes as much of tasks of which
+    /// nothing is known as the samples' errors do.
+    fn gain(&self) -> f64 {
+        self.loss - self.left
     }
 }
 
@@ -92,10 +102,7 @@ impl Auto {
         if let Some(Recalled { work, counts }) = past {
             return self.done(stream, work, counts);
         }
-        let fraction = SAMPLES * stream.tasks.len() as f64 / f64::from(stream.rays().max(1));
-        // Of tasks of many rays more than two are taken: they cost little there, and two would tell nothing.
-        let fraction = Fraction::new(fraction.clamp(Fraction::MIN.value(), Fraction::ONE.value()));
-        let fraction = fraction.filter(|_| self.open.choice == Choice::Samples);
+        let fraction = Fraction::new(self.open.fraction).filter(|_| self.open.choice == Choice::Samples);
         let rays = fraction.map(|fraction| self.asked.choose(stream, stream.tasks.iter().copied(), fraction));
         match rays {
             Some(rays) if !rays.is_empty() => Step::Sample { rays, walk: Walk::Full },
@@ -127,22 +134,16 @@ impl CostEstimator for Auto {
     }
 
     fn reason(&self) -> Option<String> {
-        let Decision { choice, tasks_a_device, moves, loss, price } = self.open;
-        let [loss, price] = [loss, price].map(|share| 100.0 * share);
+        let Decision { choice, tasks_a_device, moves, loss, left, fraction, price } = self.open;
+        let [loss, left, fraction, price] = [loss, left, fraction, price].map(|share| 100.0 * share);
         let queue = if moves { "" } else { ", which are not moved later," };
-        let tasks = format!("{tasks_a_device:.0} tasks a device{queue}");
+        let lost =
+            format!("{tasks_a_device:.0} tasks a device{queue} are expected to lose {loss:.2}% if nothing is known");
+        let samples = format!("{left:.2}% with samples of {fraction:.2}% of the rays");
         Some(match choice {
             Choice::Past => "the last such stream tells what tasks take, for nothing".into(),
-            Choice::Samples => {
-                format!(
-                    "{tasks} are expected to lose {loss:.2}% if nothing is known; two samples of each cost {price:.2}%"
-                )
-            }
-            Choice::Nothing if self.open.needs_costs() => format!(
-                "two samples of each task would cost {price:.2}%, more than half of the {loss:.2}% that {tasks} are \
-                 expected to lose if nothing is known"
-            ),
-            Choice::Nothing => format!("{tasks} are so many that the queue balances them while it runs"),
+            Choice::Samples => format!("{lost}, {samples}, which cost {price:.2}%"),
+            Choice::Nothing => format!("{lost}, {samples}, which would cost {price:.2}%: that does not pay"),
         })
     }
 

@@ -8,7 +8,7 @@
 //! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
 //! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
 //! | [`History`] | Blender Cycles | nothing, once a stream of the same kind was traced |
-//! | [`Auto`] | – | nothing where there is a past or the queue mends all; else two samples of each task |
+//! | [`Auto`] | – | nothing where there is a past; two samples of each task where they win more than they cost |
 //!
 //! Every estimate carries the standard error of its number of tests where that is known; [`interval_95`] makes an
 //! interval of it. That is the error against *counts*. How well counts predict time is another question, answered by

@@ -31,9 +31,12 @@ impl Price {
     }
 }
 
-/// What the host does for a sample, before it was measured: some 20 ns (`--bin coverage`), where rays take a quarter of
-/// a microsecond to one.
-const ASSUMED_HOST: f64 = 0.1;
+/// Prices before anything was measured, of 1 ray in 128, which two samples of the smallest tasks are: a coherent ray
+/// that is walked takes as long as 6.6 to 7.5 traced ones, which share a packet with their neighbours, and others as
+/// long as 2.2 (docs/results/sampling.md). The host does some 20 ns for a sample (`--bin coverage`), where traced rays
+/// take 35 and 250.
+const ASSUMED_COHERENT: Price = Price { ray: 7.0, host: 0.5 };
+const ASSUMED_OTHERWISE: Price = Price { ray: 2.2, host: 0.1 };
 
 /// Weight of the newest measurement: on a shared machine single ones are off by some ten percent.
 const NEWEST: f64 = 0.5;
@@ -46,10 +49,9 @@ const LEAST_PRICE: f64 = 0.01;
 const BELIEVABLE: (f64, f64) = (0.1, 10.0);
 
 impl WalkPrices {
-    /// The price for a kind; before anything was measured, that of rays that share little with their neighbours: 2.2 to
-    /// 3.3 times a traced ray where rays are coherent, some 1.6 elsewhere (docs/results/sampling.md).
+    /// The price for a kind, as measured or assumed.
     pub(super) fn of(&self, stream: &RayStream<'_>) -> Price {
-        let assumed = Price { ray: if stream.is_coherent() { 3.0 } else { 1.5 }, host: ASSUMED_HOST };
+        let assumed = if stream.is_coherent() { ASSUMED_COHERENT } else { ASSUMED_OTHERWISE };
         let kind = (stream.kind, stream.is_coherent());
         self.known.iter().find(|(own, _)| *own == kind).map_or(assumed, |(_, price)| *price)
     }

@@ -43,6 +43,10 @@ const FIRST: f64 = 1.0 / 256.0;
 /// a processor.
 const NEIGHBOURS: usize = 16;
 
+/// So many launches of a device of which nothing is known are each a task longer than the one before, so that they tell
+/// what one costs also where all would else be of one task.
+const TRIED: f64 = 2.0;
+
 /// By how much what a device has in flight may exceed what it has finished, in units of that.
 const GROWTH: f64 = 0.5;
 
@@ -158,15 +162,19 @@ impl HybridQueue {
             (true, false) => LAUNCH_SHARE * fair,
             (true, true) => (NEXT_SHARE * fair).max((LAUNCH_SHARE * fair).min(LEAST_NEXT * self.part(device))),
         };
-        let (own, first) = match self.paces.is_anything_known() {
-            true => (list, self.first[device]),
+        let (own, first, tried) = match self.paces.is_anything_known() {
+            true => (list, self.first[device], 0.0),
             // A list that was cut for another speed than the device turns out to have is not its to launch. Launches of
             // several sizes tell what one costs from what its tasks take.
-            false => (fair, self.first[device] + self.paces.mean_share() * self.paces.ended(device)),
+            false => {
+                let ended = self.paces.ended(device);
+                let grown = self.first[device] + self.paces.mean_share() * ended;
+                (fair, grown, if ended <= TRIED { grown.min(fair / 8.0) } else { 0.0 })
+            }
         };
         let (launches, worth) = self.paces.launches(device, own);
         let first = first.max(own * libm::exp2(1.0 - launches));
-        let share = cautious.max(worth * own).min(GROWTH * self.paces.sure(device) + first);
+        let share = cautious.max(tried).max(worth * own).min(GROWTH * self.paces.sure(device) + first);
         let count = self.before[start + 1..=end].partition_point(|&s| s <= self.before[start] + share).max(1);
         count.min(end - start) as u32
     }

@@ -4,7 +4,7 @@ use super::pace::mending_launches;
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
 use crate::policy::{Policy, mean_model};
-use crate::uninformed::{Regime, central_excess, hybrid_excess};
+use crate::uninformed::{Regime, central_excess, hybrid_excess, unlike_excess};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::fmt::Debug;
@@ -144,7 +144,11 @@ impl QueueMaker for QueueKind {
         match self {
             Self::Static => regime.of_lists(),
             Self::Central => central_excess(regime.tasks, regime.devices),
-            Self::Hybrid if self.moves(regime) => hybrid_excess(regime.tasks, regime.devices),
+            Self::Hybrid if self.moves(regime) => {
+                let of = |excess: fn(usize, usize) -> f64| excess(regime.tasks, regime.devices);
+                let unlike = if regime.are_speeds_known || regime.are_alike { 0.0 } else { of(unlike_excess) };
+                of(hybrid_excess) + unlike
+            }
             Self::Hybrid => regime.of_lists(),
         }
     }

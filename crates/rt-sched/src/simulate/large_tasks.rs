@@ -61,7 +61,8 @@ impl Picture {
     /// What the default expects of tasks, its counts being those of the rays it asks for.
     fn estimated(&self, tasks: &[Task], speeds: &[f64], are_speeds_known: bool) -> Vec<Work> {
         let queue: &dyn QueueMaker = &QueueKind::Hybrid;
-        let regime = Regime { tasks: tasks.len(), devices: speeds.len(), are_speeds_known, launch: 0.0 };
+        let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
+        let regime = Regime { tasks: tasks.len(), devices: speeds.len(), are_speeds_known, are_alike, launch: 0.0 };
         let stream = RayStream {
             kind: StreamKind::Primary,
             coherence: Coherence::Unknown,

@@ -5,6 +5,7 @@
 
 use super::tests::{estimated, image, models};
 use super::*;
+use crate::cut::finer;
 use crate::estimate::Auto;
 use crate::queue::QueueKind;
 use crate::uninformed::does_sample;
@@ -45,6 +46,9 @@ struct Case<'a> {
     queue: &'a str,
     speeds: &'a [f64],
     tasks: u32,
+    /// Parts of a task whose costs are told apart by the picture, and parts that each is cut into.
+    cells: u32,
+    parts: u32,
     known: Known,
     frame_s: f64,
     costs: Simulation,
@@ -52,13 +56,16 @@ struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(queue: &'a str, speeds: &'a [f64], tasks: u32, known: Known) -> Self {
-        Self { queue, speeds, tasks, known, frame_s: FRAME_S, costs: Simulation::default() }
+        let (cells, parts, costs) = (1, 1, Simulation::default());
+        Self { queue, speeds, tasks, cells, parts, known, frame_s: FRAME_S, costs }
     }
 
-    /// Excess over the lower bound in percent, and launches of a device, with one picture.
+    /// Excess over the lower bound of the cells in percent, and launches of a device, with one picture.
     fn run(&self, seed: u32) -> [f64; 2] {
-        let Self { queue, speeds, tasks, known, frame_s, costs: ref simulation } = *self;
-        let costs = picture(tasks, speeds, frame_s, seed);
+        let Self { queue, speeds, tasks, cells, parts, known, frame_s, costs: ref simulation } = *self;
+        let costs = picture(tasks * cells, speeds, frame_s, seed);
+        let bound = bound::related(&costs, speeds);
+        let costs: Vec<f64> = costs.chunks((cells / parts) as usize).map(|cells| cells.iter().sum()).collect();
         let work = match known {
             Known::Costs(sigma) => estimated(&costs, sigma, seed),
             // All that is known of a task is how many rays it has; what a ray takes is known where speeds are.
@@ -72,14 +79,19 @@ impl<'a> Case<'a> {
         let devices = if unknown { vec![CostModel::UNIT; speeds.len()] } else { models(speeds, simulation.launch_s) };
         let queue = super::tests::queue(queue, &work, &devices);
         let run = simulation.run(&*queue, speeds.len(), &|d, task| costs[task as usize] / speeds[d]);
-        let excess = metrics::excess(run.makespan_s, bound::related(&costs, speeds)).expect("positive") * 100.0;
+        let excess = metrics::excess(run.makespan_s, bound).expect("positive") * 100.0;
         [excess, run.launches.iter().sum::<usize>() as f64 / speeds.len() as f64]
     }
 
-    /// Means over all pictures.
+    /// Means over so many pictures.
+    fn mean_of(&self, pictures: u32) -> [f64; 2] {
+        let sum = (0..pictures).map(|seed| self.run(seed)).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
+        sum.map(|sum| sum / f64::from(pictures))
+    }
+
+    /// Means over [`PICTURES`].
     fn mean(&self) -> [f64; 2] {
-        let sum = (0..PICTURES).map(|seed| self.run(seed)).fold([0.0; 2], |[a, b], [c, d]| [a + c, b + d]);
-        sum.map(|sum| sum / f64::from(PICTURES))
+        self.mean_of(PICTURES)
     }
 }
 
@@ -155,18 +167,25 @@ fn launches_are_worth_their_price() {
 }
 
 /// What launches cost is found out where nothing is known, and is not made up where they cost nothing. Before,
-/// launches of a tenth of a frame were 73 a device, and the frame took eight times as long.
+/// launches of a tenth of a frame were 73 a device, and the frame took eight times as long; with 64 tasks a device, of
+/// which each was a launch, 7.4 times.
 ///
-/// Mutant: `Timed::price` that is always 0.
+/// Mutants: `Timed::price` that is always 0; `TRIED` of 0.
 #[test]
 fn expensive_launches_are_found_out() {
-    for (speeds, most) in [(turns(&[1.0], 8), [2.0, 45.0, 180.0]), (turns(&[1.0, 2.0, 4.0], 3), [2.0, 80.0, 190.0])] {
+    let all = [(turns(&[1.0], 8), [2.0, 45.0, 180.0]), (turns(&[1.0, 2.0, 4.0], 3), [2.0, 80.0, 190.0])];
+    for (speeds, most) in all {
+        let of = |each: u32, share| {
+            let tasks = each * speeds.len() as u32;
+            launching("hybrid", &speeds, tasks, Known::Nothing, FRAME_S, share * FRAME_S)
+        };
         for (share, most) in [0.0, 0.02, 0.1].into_iter().zip(most) {
-            let tasks = 256 * speeds.len() as u32;
-            let [excess, launches] = launching("hybrid", &speeds, tasks, Known::Nothing, FRAME_S, share * FRAME_S);
+            let [excess, launches] = of(256, share);
             assert!(excess <= most, "{speeds:?}, {share}: {excess}%");
             assert!((share == 0.0) == (launches > 45.0), "{speeds:?}, {share}: {launches} launches");
         }
+        let [excess, launches] = of(64, 0.1);
+        assert!(excess <= 200.0 && launches < 20.0, "{speeds:?}, few tasks: {excess}%, {launches} launches");
     }
 }
 
@@ -297,45 +316,114 @@ fn corrected_shares() {
     }
 }
 
-/// Samples of a first stream, two of each task: the standard error of a task's cost, and what they cost, as a share of
-/// the ideal frame (docs/results/estimation.md).
-const SAMPLES: (Known, f64) = (Known::Costs(0.2), 0.01);
+/// Samples of a first stream, two of each task: the standard error of a task's cost (docs/results/estimation.md).
+const SAMPLES: Known = Known::Costs(0.2);
 
 /// What the last stream tells of the next, for nothing.
-const PAST: (Known, f64) = (Known::Costs(0.04), 0.0);
-
-const UNKNOWN: (Known, f64) = (Known::Nothing, 0.0);
+const PAST: Known = Known::Costs(0.04);
 
 /// What a first stream can be dealt by, and what later ones can.
-const FIRST: [(&str, (Known, f64)); 6] = [
-    ("hybrid", UNKNOWN),
+const FIRST: [(&str, Known); 6] = [
+    ("hybrid", Known::Nothing),
     ("hybrid", SAMPLES),
-    ("round robin", UNKNOWN),
-    ("central", UNKNOWN),
+    ("round robin", Known::Nothing),
+    ("central", Known::Nothing),
     ("lpt", SAMPLES),
     ("central", SAMPLES),
 ];
-const LATER: [(&str, (Known, f64)); 4] =
-    [("hybrid", PAST), ("lpt", PAST), ("central", PAST), ("permuted", (Known::Speeds, 0.0))];
+const LATER: [(&str, Known); 4] = [("hybrid", PAST), ("lpt", PAST), ("central", PAST), ("permuted", Known::Speeds)];
+
+/// Rays of a task before it is cut.
+const RAYS: u32 = 1024;
+
+/// What two samples of a task of so many primary rays cost, as a share of the trace: a sampled one takes as long as
+/// seven (docs/results/sampling.md), and is not traced again.
+fn price(rays: u32) -> f64 {
+    2.0 * 6.0 / f64::from(rays)
+}
 
 /// The default's excess beside that of the best strategy, and which that is: of a first stream, and of later ones.
 fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64, String); 2] {
-    let of = |&(queue, (known, price)): &(&'static str, (Known, f64))| {
+    let given = rt_core::tasks_of(tasks * RAYS, RAYS);
+    let cut = finer(&given, speeds.len()).unwrap_or(given);
+    let cells = cut.len() as u32 / tasks;
+    let of = |(queue, known): (&'static str, Known), parts| {
         let costs = Simulation { launch_s: launch_share * FRAME_S, ..Simulation::default() };
-        let case = Case { costs, ..Case::new(queue, speeds, tasks, known) };
-        let what = match known {
-            Known::Costs(_) => std::format!("{queue}, costs"),
-            _ => queue.to_owned(),
-        };
-        (100.0 * price + case.mean()[0], what)
+        let case = Case { costs, cells, parts, ..Case::new(queue, speeds, tasks, known) };
+        let price = if known == SAMPLES { price(RAYS / parts) } else { 0.0 };
+        let costs = if matches!(known, Known::Costs(_)) { ", costs" } else { "" };
+        let grain = if parts > 1 { ", cut" } else { "" };
+        (100.0 * price + case.mean()[0], std::format!("{queue}{costs}{grain}"))
     };
-    let cut = rt_core::tasks_of(tasks * 1024, 1024);
-    let samples = does_sample(&mut Auto::default(), &QueueKind::default(), StreamKind::Primary, &cut, speeds.len());
+    let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
+    let (auto, queue) = (&mut Auto::default(), &QueueKind::default());
+    let samples = does_sample(auto, queue, StreamKind::Primary, &cut, speeds.len(), are_alike);
     [(&FIRST[..], usize::from(samples)), (&LATER[..], 0)].map(|(strategies, default)| {
-        let found: Vec<(f64, String)> = strategies.iter().map(of).collect();
+        let found = strategies.iter().map(|&strategy| of(strategy, cells));
+        let mut found: Vec<(f64, String)> = found.collect();
+        let (default, _) = found[default];
+        if cells > 1 {
+            found.extend(strategies.iter().map(|&strategy| of(strategy, 1)));
+        }
         let (best, name) = found.iter().min_by(|a, b| a.0.total_cmp(&b.0)).expect("some");
-        (found[default].0, *best, name.clone())
+        (default, *best, name.clone())
     })
+}
+
+/// What two samples of each task gain: of 256 rays, the smallest that there are, on equal devices. Means over pictures
+/// of the excess with nothing known and with samples, what these cost included, for primary and for other rays; and
+/// whether the default makes them.
+fn with_and_without_samples(devices: usize, each: u32) -> [(f64, f64, bool); 2] {
+    const RAYS: u32 = 256;
+    let (speeds, tasks) = (turns(&[1.0], devices), each * devices as u32);
+    let mean = |known| Case::new("hybrid", &speeds, tasks, known).mean_of(12)[0];
+    let nothing = mean(Known::Nothing);
+    // What 1 ray in 128 costs, beside the rays that are not traced again and for the host (docs/results/sampling.md),
+    // and the errors of two samples.
+    [(StreamKind::Primary, 0.2, [6.0, 0.5]), (StreamKind::Custom, 0.3, [1.2, 0.1])].map(|(kind, error, [ray, host])| {
+        let price = 100.0 * 2.0 * (ray + host * devices as f64) / f64::from(RAYS);
+        let cut = rt_core::tasks_of(tasks * RAYS, RAYS);
+        let samples = does_sample(&mut Auto::default(), &QueueKind::default(), kind, &cut, devices, true);
+        (nothing, price + mean(Known::Costs(error)), samples)
+    })
+}
+
+/// The default samples where that gains something, and nowhere where it loses much. `--nocapture` prints the table of
+/// docs/results/scheduling.md.
+///
+/// Mutants: `left` of no error; `STAKE` of 3; prices of 3 and 1.5, as assumed before.
+#[test]
+fn two_samples_pay_where_they_are_made() {
+    eprintln!("| devices | n/m | nothing known | samples, primary | samples, others |");
+    eprintln!("|---|---|---|---|---|");
+    for devices in [2, 8, 64] {
+        for each in [2, 4, 8, 16, 32, 64] {
+            let found = with_and_without_samples(devices, each);
+            let show = |&(_, with, made): &(f64, f64, bool)| {
+                if made { std::format!("**{with:.1}**") } else { std::format!("{with:.1}") }
+            };
+            let [primary, others] = found.each_ref().map(show);
+            eprintln!("| {devices} | {each} | {:.1} | {primary} | {others} |", found[0].0);
+            for (nothing, with, made) in found {
+                let [chosen, best] = [if made { with } else { nothing }, with.min(nothing)];
+                let room = if devices == 64 { 4.5 } else { 2.0 };
+                assert!(chosen <= best + room, "{devices}, {each}: {found:?}");
+            }
+        }
+    }
+}
+
+/// First streams of few rays on devices that may differ are sampled, which tells how fast those are.
+///
+/// Mutant: `unlike_excess` left out: 22, 320 and 684%.
+#[test]
+fn few_rays_tell_how_fast_unlike_devices_are() {
+    for (speeds, most) in
+        [(turns(&[1.0, 2.0, 4.0], 3), 12.0), (turns(&[1.0, 50.0, 50.0], 3), 10.0), (cores_and_card(), 10.0)]
+    {
+        let [(first, ..), _] = default_and_best(&speeds, 2 * speeds.len() as u32, 0.0);
+        assert!(first <= most, "{} devices: {first}%", speeds.len());
+    }
 }
 
 /// Prints the default beside the best strategy in every regime.

@@ -2,7 +2,9 @@
 
 use super::tasks::{Origin, TaskCosts};
 use super::{Top, one_in};
+use crate::table::seconds;
 use rt_balance::report::StreamRun;
+use std::ops::Range;
 
 /// Estimated and measured cost of the rays of one kind that a picture sent, gathered wave by wave.
 ///
@@ -12,6 +14,8 @@ use rt_balance::report::StreamRun;
 pub struct CostMap {
     /// What the rays are called.
     kind: String,
+    /// The frame of an animation, and what is told of it.
+    frame: Option<(u32, String)>,
     /// Width and height of the picture in pixels.
     picture: [u32; 2],
     /// Width and height of the map in cells: the picture's pixels, or fewer where those are too many.
@@ -28,45 +32,103 @@ pub struct CostMap {
     reason: Option<String>,
 }
 
-/// A map for each kind of rays of the first frame that was rendered.
+/// A map for each kind of rays of the first frame that was rendered and, of several, of the most expensive one.
+///
+/// Maps of all frames would take a screen each, and all look alike: the first is the one whose estimates knew nothing,
+/// the most expensive one is where a better split would have gained most.
 #[derive(Debug)]
 pub struct CostMaps {
     size: [u32; 2],
-    /// Number of that frame.
-    frame: Option<u32>,
+    /// The first, the most expensive of the others that are over, and the one at hand.
+    frames: Vec<Frame>,
+    /// Frames so far.
+    count: u32,
+}
+
+/// The maps of a frame.
+#[derive(Debug)]
+struct Frame {
+    number: u32,
+    /// Wall seconds of tracing.
+    seconds: f64,
     maps: Vec<CostMap>,
 }
 
 /// Most kinds of rays that get a map: each takes memory and a screen to look at. Later bounces look alike.
 const MOST_KINDS: usize = 6;
 
+/// Most frames of which maps are held: see [`CostMaps`].
+const MOST_FRAMES: usize = 3;
+
 impl CostMaps {
     /// No map yet, of a picture of `size` pixels.
     #[must_use]
     pub const fn new(size: [u32; 2]) -> Self {
-        Self { size, frame: None, maps: Vec::new() }
+        Self { size, frames: Vec::new(), count: 0 }
     }
 
-    /// Adds a stream to the map of its kind, as [`CostMap::add`] does; those of later frames are left out.
-    pub fn add(&mut self, run: &StreamRun, pixel: impl Fn(u32) -> u32) {
-        let kind = &run.report.kind;
-        if *self.frame.get_or_insert(run.report.frame) != run.report.frame {
-            return;
+    /// Adds a stream to the map of its frame and kind, as [`CostMap::add`] does. Frames come one after the other.
+    pub fn add(&mut self, run: &StreamRun, pixels: impl Fn(Range<u32>, &mut dyn FnMut(u32))) {
+        let (kind, number) = (&run.report.kind, run.report.frame);
+        if self.frames.last().is_none_or(|frame| frame.number != number) {
+            if self.frames.len() == MOST_FRAMES {
+                self.drop_cheaper();
+            }
+            self.frames.push(Frame { number, seconds: 0.0, maps: Vec::new() });
+            self.count += 1;
         }
-        if let Some(map) = self.maps.iter_mut().find(|map| map.kind == *kind) {
-            map.add(run, pixel);
-        } else if self.maps.len() < MOST_KINDS {
+        let Some(Frame { seconds, maps, .. }) = self.frames.last_mut() else { return };
+        *seconds += run.report.makespan_s;
+        if let Some(map) = maps.iter_mut().find(|map| map.kind == *kind) {
+            map.add(run, pixels);
+        } else if maps.len() < MOST_KINDS {
             let mut map = CostMap::new(kind, self.size);
-            map.add(run, pixel);
-            self.maps.push(map);
+            map.add(run, pixels);
+            maps.push(map);
         }
     }
 
-    /// The maps, in the order in which their kinds came.
-    #[must_use]
-    pub fn maps(&self) -> &[CostMap] {
-        &self.maps
+    /// Of the last two frames the cheaper one goes.
+    fn drop_cheaper(&mut self) {
+        if let [.., before, last] = &self.frames[..] {
+            let cheaper = self.frames.len() - if last.seconds > before.seconds { 2 } else { 1 };
+            self.frames.remove(cheaper);
+        }
     }
+
+    /// The maps, frame by frame in the order in which their kinds came.
+    #[must_use]
+    pub fn into_maps(mut self) -> Vec<CostMap> {
+        // The most expensive frame may be the first one.
+        while self.frames.len() > 2 {
+            self.drop_cheaper();
+        }
+        let first = self.frames.first().map_or(0.0, |frame| frame.seconds);
+        let is_first_most = self.frames.iter().all(|frame| frame.seconds <= first);
+        if is_first_most {
+            self.frames.truncate(1);
+        }
+        let about = |(index, frame): (usize, &Frame)| {
+            let told = match (self.count, index) {
+                (0 | 1, _) => return None,
+                (all, 0) if is_first_most => format!("the first and most expensive of {all}"),
+                (all, 0) => format!("the first of {all}"),
+                (all, _) => format!("the most expensive of {all}"),
+            };
+            Some((frame.number, format!("{told}, {} of tracing", seconds(frame.seconds))))
+        };
+        let abouts: Vec<Option<(u32, String)>> = self.frames.iter().enumerate().map(about).collect();
+        let mut maps = Vec::new();
+        for (frame, about) in self.frames.into_iter().zip(abouts) {
+            maps.extend(frame.maps.into_iter().map(|map| CostMap { frame: about.clone(), ..map }));
+        }
+        maps
+    }
+}
+
+/// The pixels of some rays as [`CostMap::add`] asks for them, of which each ray's is known.
+pub fn each_ray(pixel: impl Fn(u32) -> u32) -> impl Fn(Range<u32>, &mut dyn FnMut(u32)) {
+    move |rays, take| rays.for_each(|ray| take(pixel(ray)))
 }
 
 /// A part of the picture that was traced together.
@@ -164,6 +226,7 @@ impl CostMap {
         let empty = Cell { estimated: Mean::default(), measured: Mean::default(), task: NO_TASK };
         Self {
             kind: kind.to_owned(),
+            frame: None,
             picture: size,
             size: cells,
             cells: vec![empty; cells[0] as usize * cells[1] as usize],
@@ -175,9 +238,10 @@ impl CostMap {
         }
     }
 
-    /// Adds the tasks of a wave; ray `i` of it is for the pixel `pixel(i)`, which is `x | y << 16`. Pixels outside the
-    /// picture are left out. Tasks are numbered on from those of the waves before.
-    pub fn add(&mut self, run: &StreamRun, pixel: impl Fn(u32) -> u32) {
+    /// Adds the tasks of a wave. `pixels` hands over the pixels of some of its rays, `x | y << 16`, those that follow
+    /// each other and are the same once or more often. Pixels outside the picture are left out. Tasks are numbered on
+    /// from those of the waves before.
+    pub fn add(&mut self, run: &StreamRun, pixels: impl Fn(Range<u32>, &mut dyn FnMut(u32))) {
         let costs = TaskCosts::of(run);
         self.waves.push(Wave { first: self.tasks.len(), factors: costs.factors.clone() });
         if self.devices.is_empty() {
@@ -203,8 +267,7 @@ impl CostMap {
             let number = self.tasks.len() as u32;
             let [estimated, measured] = cost.per_ray();
             let mut before = None;
-            for ray in task.range() {
-                let here = pixel(ray);
+            pixels(task.range(), &mut |here| {
                 // The samples of a pixel follow each other.
                 if before.replace(here) != Some(here)
                     && let Some(cell) = self.cell_of(here)
@@ -213,7 +276,7 @@ impl CostMap {
                     cell.measured.add(measured);
                     cell.task = number;
                 }
-            }
+            });
             self.tasks.push(cost);
         }
     }
@@ -229,10 +292,17 @@ impl CostMap {
         self.cells.get_mut((y * u64::from(self.size[0]) + x) as usize)
     }
 
-    /// What the rays are called, such as `shadow 0`.
+    /// What the rays are called, such as `shadow 0`; of an animation with the frame.
     #[must_use]
-    pub fn kind(&self) -> &str {
-        &self.kind
+    pub fn name(&self) -> String {
+        let frame = self.frame.as_ref().map_or_else(String::new, |(number, told)| format!(", frame {number} ({told})"));
+        format!("{} rays{frame}", self.kind)
+    }
+
+    /// The same without blanks, as channels of a file are called: `shadow_0`, or `frame_7.shadow_0`.
+    pub(crate) fn channel(&self) -> String {
+        let frame = self.frame.as_ref().map_or_else(String::new, |(number, _)| format!("frame_{number}."));
+        format!("{frame}{}", self.kind.replace(' ', "_"))
     }
 
     /// Width and height in cells.
@@ -353,7 +423,7 @@ mod tests {
         // Two samples a pixel; the third pixel lies outside the picture, the fourth has no ray.
         let mut map = CostMap::new("primary", [2, 2]);
         let pixels = [0, 1, 7, 1 << 16];
-        map.add(&stream(&[2, 4], &[2e-9, 8e-9], &[2e-9, 8e-9]), |ray| pixels[(ray / 2) as usize]);
+        map.add(&stream(&[2, 4], &[2e-9, 8e-9], &[2e-9, 8e-9]), each_ray(|ray| pixels[(ray / 2) as usize]));
         let cells: Vec<Option<u32>> = (0..4).map(|i| map.task_at(i % 2, i / 2)).collect();
         assert_eq!(cells, [Some(0), Some(1), None, None]);
         assert_eq!((map.costs_at(0, 0), map.costs_at(1, 0)), ([1.0; 2], [2.0; 2]));
@@ -364,7 +434,7 @@ mod tests {
     #[test]
     fn both_means_are_over_the_same_rays() {
         let mut map = CostMap::new("primary", [3, 1]);
-        map.add(&stream(&[1, 3, 5], &[3e-9, 3e-9, f64::NAN], &[1e-9, 9e-9, 50e-9]), |_| 0);
+        map.add(&stream(&[1, 3, 5], &[3e-9, 3e-9, f64::NAN], &[1e-9, 9e-9, 50e-9]), each_ray(|_| 0));
         // One scale takes the estimates of a device to what it took: unknown here.
         let Means { estimated, measured } = map.means();
         assert!((measured.unwrap() - 2.5).abs() < 1e-9 && (estimated.unwrap() - 1.5).abs() < 1e-9);
@@ -376,11 +446,11 @@ mod tests {
         let seconds: Vec<f64> = (0..45).map(|i| f64::from(i) * 1e-6).collect();
         let pixel = |i: u32| (i % 90) | ((i / 90) << 16);
         let mut whole = CostMap::new("primary", [90, 50]);
-        whole.add(&stream(&[100; 45], &seconds, &seconds), pixel);
+        whole.add(&stream(&[100; 45], &seconds, &seconds), each_ray(pixel));
         let mut parts = CostMap::new("primary", [90, 50]);
         for wave in 0..5 {
             let own = &seconds[9 * wave..9 * (wave + 1)];
-            parts.add(&stream(&[100; 9], own, own), |ray| pixel(900 * wave as u32 + ray));
+            parts.add(&stream(&[100; 9], own, own), each_ray(|ray| pixel(900 * wave as u32 + ray)));
         }
         let all = || (0..50).flat_map(|y| (0..90).map(move |x| (x, y)));
         assert!(all().all(|(x, y)| whole.task_at(x, y) == parts.task_at(x, y)));
@@ -393,7 +463,7 @@ mod tests {
     fn a_map_of_a_huge_picture_is_small() {
         let mut map = CostMap::new("primary", [65_536, 40_000]);
         assert_eq!(map.size(), [880, 538]);
-        map.add(&stream(&[2], &[4e-9], &[6e-9]), |ray| [0, 65_535 | 39_999 << 16][ray as usize]);
+        map.add(&stream(&[2], &[4e-9], &[6e-9]), each_ray(|ray| [0, 65_535 | 39_999 << 16][ray as usize]));
         assert_eq!((map.task_at(0, 0), map.task_at(879, 537)), (Some(0), Some(0)));
         assert_eq!(map.cells.iter().filter(|cell| cell.task != NO_TASK).count(), 2);
     }
@@ -402,7 +472,35 @@ mod tests {
     #[test]
     fn the_scale_is_that_of_what_was_measured() {
         let mut map = CostMap::new("primary", [2, 1]);
-        map.add(&stream(&[10, 10], &[1e-9, 1e-3], &[20e-9, f64::NAN]), |_| 0);
+        map.add(&stream(&[10, 10], &[1e-9, 1e-3], &[20e-9, f64::NAN]), each_ray(|_| 0));
         assert!((map.top().cost - 2.0).abs() < 1e-9, "{:?}", map.top());
+    }
+
+    /// Mutants: the last frame in place of the most expensive one; the first twice; a picture alone called a frame.
+    #[test]
+    fn the_first_and_the_most_expensive_frame_have_maps() {
+        let told = |makespans: &[f64]| {
+            let mut maps = CostMaps::new([2, 1]);
+            for (frame, &makespan_s) in (4..).zip(makespans) {
+                // Two streams of two kinds.
+                for kind in ["primary", "shadow 0"] {
+                    let mut run = stream(&[2], &[1e-9], &[1e-9]);
+                    (run.report.frame, run.report.kind) = (frame, kind.to_owned());
+                    run.report.makespan_s = makespan_s / 2.0;
+                    maps.add(&run, each_ray(|ray| ray));
+                }
+            }
+            maps.into_maps().iter().map(CostMap::name).collect::<Vec<_>>()
+        };
+        assert_eq!(told(&[]), [""; 0]);
+        assert_eq!(told(&[1.0]), ["primary rays", "shadow 0 rays"]);
+        let both = |frame: &str| ["primary", "shadow 0"].map(|kind| format!("{kind} rays, frame {frame} of tracing)"));
+        let first = both("4 (the first and most expensive of 3, 5.00 s");
+        assert_eq!(told(&[5.0, 1.0, 2.0]), first);
+        for makespans in [&[1.0, 2.0, 9.0, 3.0, 4.0][..], &[1.0, 2.0, 9.0, 8.0, 8.5]] {
+            let maps = told(makespans);
+            assert_eq!(maps[..2], both("4 (the first of 5, 1.00 s"));
+            assert_eq!(maps[2..], both("6 (the most expensive of 5, 9.00 s"));
+        }
     }
 }

@@ -6,7 +6,7 @@ mod scale;
 mod tasks;
 
 pub(crate) use map::TaskCost;
-pub use map::{CostMap, CostMaps};
+pub use map::{CostMap, CostMaps, each_ray};
 pub use picture::write_png;
 use scale::Top;
 pub(crate) use tasks::{Origin, TaskCosts};

@@ -76,7 +76,7 @@ impl Layout {
             let room = (self.whole() - 2 * MARGIN) as f32 / text.chars().count().max(1) as f32 / LETTER;
             canvas.text(text, MARGIN, top + y, size.min(room), Align::Left, color);
         };
-        line(&format!("Cost per ray: {}", map.kind()), 32, 21.0, INK);
+        line(&format!("Cost per ray: {}", map.name()), 32, 21.0, INK);
         let not_used = map.not_used().map(|what| format!("not used: {what}"));
         let normalised = map.is_normalised().then(|| "seconds are those of a device of mean speed".to_owned());
         line(&not_used.into_iter().chain(normalised).collect::<Vec<_>>().join("; "), 54, 14.0, FAINT);
@@ -205,6 +205,7 @@ impl Scale {
 #[cfg(test)]
 mod tests {
     use super::super::super::samples::run;
+    use super::super::each_ray;
     use super::*;
     use rt_balance::report::StreamRun;
     use rt_core::{Task, Work};
@@ -228,7 +229,7 @@ mod tests {
         for (width, height) in [(1, 1), (3, 2), (1, 2000), (2000, 1), (900, 30)] {
             for value in [0.0, 5.0, 1e9, f64::NAN, f64::INFINITY, -1.0] {
                 let mut map = CostMap::new("primary", [width, height]);
-                map.add(&one_task(width * height, value), |i| (i % width) | ((i / width) << 16));
+                map.add(&one_task(width * height, value), each_ray(|i| (i % width) | ((i / width) << 16)));
                 write_png(&path, &[map, CostMap::new("shadow 0", [width, height])]).unwrap();
             }
         }
