@@ -3,6 +3,7 @@
 //!
 //! `cargo run --release -p rt-balance --example backend`
 
+use rt_balance::arguments::check_spec;
 use rt_balance::cpu::CpuDevice;
 use rt_balance::intersect::Shear;
 use rt_balance::{
@@ -17,6 +18,12 @@ use std::time::Duration;
 /// Launches that may be in flight.
 const IN_FLIGHT: u32 = 2;
 
+/// What it can do. Counts are its own, since there is no tree, and so there are no reduced walks either. Hits are the
+/// defined ones.
+fn capabilities() -> Capabilities {
+    Capabilities::UNKNOWN.with_reduced_walks(&[]).with_defined_bits()
+}
+
 /// The device: here nothing but its description.
 #[derive(Debug)]
 pub struct BruteForce(DeviceInfo);
@@ -25,11 +32,8 @@ impl BruteForce {
     /// Opens it.
     #[must_use]
     pub fn open() -> Self {
-        // Counts are its own, since there is no tree, and so there are no reduced walks either. Hits are the defined
-        // ones.
-        let capabilities = Capabilities::UNKNOWN.with_reduced_walks(&[]).with_defined_bits();
         let info = DeviceInfo::new("brute force", "example").with_in_flight(IN_FLIGHT);
-        Self(info.with_capabilities(capabilities))
+        Self(info.with_capabilities(capabilities()))
     }
 }
 
@@ -102,6 +106,8 @@ impl Tracer for BruteTracer {
         {
             return Err(wrong("rays and origins differ in number"));
         }
+        // Several hits of a ray, and masks, are more than it says it can.
+        check_spec(&capabilities(), &self.scene, spec)?;
         (self.rays, self.spec) = (source, spec);
         Ok(())
     }

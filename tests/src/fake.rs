@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 use rt_bvh::{Stack, WideTree};
+use rt_core::arguments::check_spec;
 use rt_core::intersect::{Shear, round_distance, shear_axes};
 use rt_core::{
     Capabilities, Clock, Counted, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Precision, Query, Ray,
@@ -66,11 +67,15 @@ pub enum Flaw {
     SkipsZero,
     /// Counts, walks, and precisions but the robust one are refused.
     RefusesExtras,
+    /// Of several hits of a ray the first two change places.
+    Unsorted,
+    /// Primitives that a mask hides are hit.
+    SeesHidden,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 28] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -97,6 +102,8 @@ impl Flaw {
         Self::LosesDetails,
         Self::SkipsZero,
         Self::RefusesExtras,
+        Self::Unsorted,
+        Self::SeesHidden,
     ];
 }
 
@@ -119,7 +126,7 @@ impl FakeDevice {
     #[must_use]
     pub fn wide() -> Self {
         let device = Self::new(None);
-        let own = device.info.capabilities.with_counts(Counted::OwnTree);
+        let own = Capabilities::UNKNOWN.with_counts(Counted::OwnTree).with_defined_bits();
         let info = DeviceInfo::new("eight-wide", "fake").with_in_flight(2).with_capabilities(own);
         Self { info, wide: true, ..device }
     }
@@ -146,6 +153,7 @@ impl FakeDevice {
     fn new(flaw: Option<Flaw>) -> Self {
         let name = flaw.map_or_else(|| "honest".to_owned(), |flaw| format!("{flaw:?}"));
         let capabilities = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
+        let capabilities = capabilities.with_all_hits().with_masks();
         let info = DeviceInfo::new(name, "fake").with_in_flight(2).with_capabilities(capabilities);
         Self { info, flaw, wide: false }
     }
@@ -161,6 +169,7 @@ impl Device for FakeDevice {
             wide: self.wide.then(|| WideTree::new(&scene)),
             scene,
             clock,
+            capabilities: self.info.capabilities,
             flaw: self.flaw,
             source: RaySource::Explicit { rays: [].into(), origins: None },
             spec: StreamSpec::default(),
@@ -178,6 +187,7 @@ struct FakeTracer {
     /// What is walked instead of the scene's own tree.
     wide: Option<WideTree>,
     clock: Clock,
+    capabilities: Capabilities,
     flaw: Option<Flaw>,
     source: RaySource,
     spec: StreamSpec,
@@ -324,6 +334,20 @@ impl FakeTracer {
         answer
     }
 
+    /// Several hits of one ray.
+    fn several(&self, stack: &mut Stack, index: u32, hits: &mut [Hit]) -> TestCounts {
+        let mut tests = TestCounts::default();
+        let rays = std::iter::once(self.source.ray(index));
+        rt_bvh::trace_several(&self.scene, stack, self.spec, rays, |found, counted| {
+            hits.copy_from_slice(found);
+            tests = counted;
+        });
+        if let ([first, second, ..], true) = (hits, self.has(Flaw::Unsorted)) {
+            std::mem::swap(first, second);
+        }
+        tests
+    }
+
     fn launch(&self, tasks: &[Task], done: Option<&RayMask>) -> (Vec<Hit>, Vec<TestCounts>) {
         let mut stack = Stack::for_scene(&self.scene);
         let mut tasks = tasks.to_vec();
@@ -337,7 +361,16 @@ impl FakeTracer {
             for index in task.first..task.first.saturating_add(task.rays).min(loaded) {
                 let lost = self.has(Flaw::LosesLastRay) && index + 1 == task.first + task.rays;
                 let nothing = (Hit::MISS, TestCounts::default());
-                let (hit, counts) = if lost || left_out(index) { nothing } else { self.ray(&mut stack, index, None) };
+                let is_lost = lost || left_out(index);
+                if let Query::All { most } = self.spec.query {
+                    let hits = results.0.len();
+                    results.0.resize(hits + most.get() as usize, Hit::MISS);
+                    let counts =
+                        if is_lost { nothing.1 } else { self.several(&mut stack, index, &mut results.0[hits..]) };
+                    results.1.push(counts);
+                    continue;
+                }
+                let (hit, counts) = if is_lost { nothing } else { self.ray(&mut stack, index, None) };
                 results.0.push(hit);
                 results.1.push(counts);
             }
@@ -362,10 +395,12 @@ impl Tracer for FakeTracer {
         if self.has(Flaw::RefusesExtras) && (spec.counts || spec.precision != Precision::Robust) {
             return Err(DeviceError::new(DeviceErrorKind::Unsupported, "hits alone, and robust ones"));
         }
+        check_spec(&self.capabilities, &self.scene, spec)?;
         if !(self.loaded && self.has(Flaw::KeepsFirstRays)) {
             self.source = source;
         }
-        (self.spec, self.loaded) = (spec, true);
+        let mask = if self.has(Flaw::SeesHidden) { u32::MAX } else { spec.mask };
+        (self.spec, self.loaded) = (StreamSpec { mask, ..spec }, true);
         Ok(())
     }
 

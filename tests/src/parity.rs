@@ -248,7 +248,7 @@ impl<'a> Exam<'a> {
         for (((ray, _), (verdict, brute)), hit) in self.rays.iter().zip(&self.answers).zip(hits) {
             let right = self.is_defined(ray, hit)
                 && match query {
-                    Query::Closest => verdict.is_right(hit) && hit == brute,
+                    Query::Closest | Query::All { .. } => verdict.is_right(hit) && hit == brute,
                     Query::Any => verdict.right().is_some() == hit.is_hit(),
                 };
             if !right {

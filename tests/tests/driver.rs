@@ -11,11 +11,15 @@ use rt_balance::{
     StreamKind, StreamSpec, TestCounts,
 };
 use rt_bvh::Builder;
-use rt_core::{Clock, CountedTree, DeviceError, DeviceErrorKind, DeviceInfo, ReducedWalk, Tracer, Walk};
+use rt_core::{
+    Capabilities, Clock, Counted, CountedTree, DeviceError, DeviceErrorKind, DeviceInfo, Query, ReducedWalk, Tracer,
+    Walk,
+};
 use rt_sched::sample::Fraction;
 use rt_tests::fake::{FakeDevice, Flaw};
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
+use std::num::NonZero;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
@@ -194,6 +198,58 @@ fn a_device_that_answers_wrongly_drops_out() {
             let mut balancer = Balancer::new(Arc::clone(&fixture().scene), &devices).expect("a balancer");
             let mut scheduling = scheduling(queue, Box::new(Uniform));
             trace_and_check(&format!("{queue:?}, {flaw:?}"), &mut balancer, &mut scheduling);
+        }
+    }
+}
+
+/// What a device does not say it can is not asked of it: it is left out, with a word on what to do. Mutants: it is
+/// asked all the same; it is left out where nothing is hidden; hits of a ray out of order are believed.
+#[test]
+fn several_hits_and_masks_are_for_those_who_claim_them() {
+    let Fixture { scene, stream, .. } = fixture();
+    let masks = (0..scene.primitive_count()).map(|id| if id % 2 == 0 { 0b01 } else { 0b10 }).collect();
+    let masked = Arc::new(Scene::clone(scene).with_masks(masks).expect("one for each"));
+    let unable = || -> Arc<dyn Device> {
+        Arc::new(FakeDevice::honest().saying(Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits()))
+    };
+    let unsorted: Arc<dyn Device> = Arc::new(FakeDevice::flawed(Flaw::Unsorted));
+    let all = Query::All { most: NonZero::new(4).expect("a place") };
+    let cases =
+        [(all, u32::MAX, "one hit of each ray"), (Query::Closest, 0b01, "knows no masks"), (all, 0b10, "masks")];
+    for (query, mask, said) in cases {
+        let spec = StreamSpec { query, mask, ..StreamSpec::default() };
+        let stream = Stream { spec, ..stream.clone() };
+        let mut right = Vec::new();
+        let rays = (0..stream.source.len()).map(|ray| stream.source.ray(ray));
+        let mut stack = rt_bvh::Stack::for_scene(&masked);
+        rt_bvh::trace_several(&masked, &mut stack, spec, rays, |hits, _| right.extend_from_slice(hits));
+        let trace = |devices: &[Arc<dyn Device>]| {
+            let mut balancer = Balancer::new(Arc::clone(&masked), devices).expect("a balancer");
+            let mut found = vec![UNTOUCHED; right.len()];
+            let mut scheduling = Scheduling::default();
+            let run = balancer.trace(&stream, &mut scheduling, &mut found, None, Control::default());
+            run.map(|run| (run.report.devices, found))
+        };
+        let (devices, found) = trace(&[unable(), honest()]).expect("one device can");
+        assert_eq!(bytes(&found), bytes(&right), "{query:?}, mask {mask:b}");
+        let reason = devices[0].error.as_ref().or(devices[0].note.as_ref()).expect("a reason");
+        assert!(reason.contains(said) && reason.contains("choose a CPU device") && devices[0].tasks == 0, "{reason}");
+        let refused = rt_core::with_causes(&trace(&[unable()]).expect_err("nobody can"));
+        assert!(refused.contains(said) && refused.contains("choose a CPU device"), "{refused}");
+        if query == all {
+            let (devices, found) = trace(&[Arc::clone(&unsorted), honest()]).expect("one device is right");
+            assert_eq!(bytes(&found), bytes(&right), "{query:?}, mask {mask:b}");
+            let error = devices[0].error.as_ref();
+            assert!(devices[0].tasks == 0 && error.is_none_or(|error| error.contains("in order")), "{error:?}");
+        }
+        // Nothing is hidden from rays of both bits.
+        if query == Query::Closest {
+            let stream = Stream { spec: StreamSpec { mask: 0b11, ..spec }, ..stream.clone() };
+            let mut balancer = Balancer::new(Arc::clone(&masked), &[unable()]).expect("a balancer");
+            let mut found = vec![UNTOUCHED; right.len()];
+            let mut scheduling = Scheduling::default();
+            balancer.trace(&stream, &mut scheduling, &mut found, None, Control::default()).expect("it sees all");
+            assert_eq!(bytes(&found), bytes(&fixture().hits));
         }
     }
 }

@@ -148,7 +148,7 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
                     let hits = trace_all(&**device, &scene, &rays, spec).map_err(TestCaseError::fail)?;
                     for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
                         let right = match query {
-                            Query::Closest => verdict.is_right(hit),
+                            Query::Closest | Query::All { .. } => verdict.is_right(hit),
                             Query::Any => verdict.right().is_some() == hit.is_hit(),
                         };
                         prop_assert!(right, "{name}, {query:?}, {precision:?}: {hit:?} but {verdict} for {ray:?}");
@@ -190,7 +190,7 @@ fn random_meshes(embree: &[EmbreeDevice; 2], ours: &Devices) -> Result<(), Faile
 /// layouts may report any where any hit will do.
 fn agree(query: Query, one: &[Hit], other: &[Hit]) -> bool {
     match query {
-        Query::Closest => one == other,
+        Query::Closest | Query::All { .. } => one == other,
         Query::Any => one.iter().map(Hit::is_hit).eq(other.iter().map(Hit::is_hit)),
     }
 }

@@ -92,7 +92,7 @@ proptest! {
             prop_assert_eq!(hits.len(), rays.len());
             for ((hit, verdict), ray) in hits.iter().zip(&verdicts).zip(&rays) {
                 let right = match query {
-                    Query::Closest => verdict.is_right(hit),
+                    Query::Closest | Query::All { .. } => verdict.is_right(hit),
                     Query::Any => verdict.right().is_some() == hit.is_hit(),
                 };
                 prop_assert!(right, "{builder}, {query:?}: {hit:?} but {verdict} for {ray:?}");

@@ -105,10 +105,11 @@ impl CpuDevice {
     }
 
     fn with(name: String, executor: Executor, kernel: Kernel, trees: Arc<Trees>) -> Self {
+        let capabilities = Capabilities::UNKNOWN.with_counts(Counted::EitherTree).with_defined_bits();
         let info = DeviceInfo::new(name, "cpu")
             .with_units(executor.threads() as u32)
             .with_in_flight(IN_FLIGHT)
-            .with_capabilities(Capabilities::UNKNOWN.with_counts(Counted::EitherTree).with_defined_bits());
+            .with_capabilities(capabilities.with_all_hits().with_masks());
         Self { info, executor: Arc::new(executor), kernel, trees }
     }
 }

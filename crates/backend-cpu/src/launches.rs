@@ -84,11 +84,13 @@ pub(crate) struct Results<'a> {
 }
 
 impl Launches {
-    /// Whether these kernels trace a stream, and count it where it or a walk is `counted`. `robust` and `f64` are the
-    /// same hits; nothing here is `fast`'s, and what is counted are tests of this tree.
-    pub(crate) const fn suit(spec: StreamSpec, counted: bool) -> bool {
+    /// Whether these kernels trace a stream in a scene, and count it where it or a walk is `counted`. `robust` and
+    /// `f64` are the same hits; nothing here is `fast`'s, and what is counted are tests of this tree. They find one hit
+    /// of a ray and know no masks.
+    pub(crate) fn suit(scene: &Scene, spec: StreamSpec, counted: bool) -> bool {
         let needs_scene = counted && matches!(spec.counted, CountedTree::Scene);
-        !needs_scene && !matches!(spec.precision, Precision::Fast)
+        let has_one_hit = !matches!(spec.query, Query::All { .. });
+        !needs_scene && !matches!(spec.precision, Precision::Fast) && has_one_hit && !scene.hides(spec.mask)
     }
 
     /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are

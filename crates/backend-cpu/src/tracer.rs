@@ -6,10 +6,11 @@ use crate::stopwatch::Stopwatch;
 use rt_bvh::Stack;
 use rt_core::arguments::{check_load, check_move, check_submit, check_walk, invalid};
 use rt_core::{
-    Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, Scene, Span, StreamSpec, Task,
-    TestCounts, Ticket, Tracer, Walk,
+    Clock, Coherence, DeviceError, DeviceErrorKind, Hit, Launch, Query, RayMask, RaySource, Scene, Span, StreamSpec,
+    Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
@@ -201,7 +202,8 @@ struct Worker {
 /// A part of a task: its rays, where their results go, and the thread seconds it took.
 struct Piece<'a> {
     task: usize,
-    first: u32,
+    rays: Range<u32>,
+    /// So many for each ray as the stream asks for.
     hits: &'a mut [Hit],
     counts: &'a mut [TestCounts],
     seconds: &'a mut f32,
@@ -239,11 +241,11 @@ impl Worker {
         let span = self.timed(|| {
             let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
             // What an earlier launch left in the buffers is overwritten ray by ray.
-            out.hits.resize(rays, Hit::MISS);
+            out.hits.resize(rays * spec.query.hits_per_ray(), Hit::MISS);
             out.counts.resize(if spec.counts { rays } else { 0 }, TestCounts::default());
             let chunk = chunk_of(rays, self.executor.threads());
             let mut seconds = vec![0.0_f32; tasks.iter().map(|t| (t.rays as usize).div_ceil(chunk)).sum()];
-            let pieces = cut(tasks, chunk, &mut out.hits, &mut out.counts, &mut seconds);
+            let pieces = cut(tasks, chunk, spec.query.hits_per_ray(), &mut out.hits, &mut out.counts, &mut seconds);
             let task_of: Vec<usize> = pieces.iter().map(|piece| piece.task).collect();
             self.executor.for_each(
                 pieces,
@@ -270,24 +272,27 @@ impl Worker {
         done: Option<&RayMask>,
         piece: &mut Piece<'_>,
     ) {
-        let range = piece.first..piece.first + piece.hits.len() as u32;
+        let range = piece.rays.clone();
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
-        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(spec, spec.counts)) {
+        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(&self.scene, spec, spec.counts)) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
             launches.trace(source, spec, range, done, Results { hits: piece.hits, counts: piece.counts });
         } else {
-            let mut counts = piece.counts.iter_mut();
-            for (ray, hit) in range.zip(&mut *piece.hits) {
-                let mut tests = TestCounts::default();
-                *hit = Hit::MISS;
-                if !is_done(ray) {
-                    let ray = std::iter::once(source.ray(ray));
-                    rt_bvh::trace(&self.scene, stack, spec, ray, |found, counted| (*hit, tests) = (found, counted));
-                }
-                if let Some(slot) = counts.next() {
-                    *slot = tests;
-                }
+            piece.hits.fill(Hit::MISS);
+            piece.counts.fill(TestCounts::default());
+            let rays = || range.clone().filter(|&ray| !is_done(ray));
+            let mut numbers = rays();
+            let per_ray = spec.query.hits_per_ray();
+            let mut put = |found: &[Hit], tests: TestCounts| {
+                let place = numbers.next().map_or(0, |ray| (ray - range.start) as usize);
+                piece.hits[place * per_ray..][..per_ray].copy_from_slice(found);
+                piece.counts.get_mut(place).into_iter().for_each(|slot| *slot = tests);
+            };
+            let made = rays().map(|ray| source.ray(ray));
+            match spec.query {
+                Query::All { .. } => rt_bvh::trace_several(&self.scene, stack, spec, made, put),
+                _ => rt_bvh::trace(&self.scene, stack, spec, made, |hit, tests| put(&[hit], tests)),
             }
         }
     }
@@ -316,7 +321,7 @@ impl Worker {
             let mut results = Results { hits, counts };
             let pieces = rays.chunks(chunk_of(rays.len(), self.executor.threads()));
             let pieces = pieces.map(|rays| (rays, results.split_off(rays.len()))).collect();
-            let launches = self.launches.as_ref().filter(|_| Launches::suit(spec, true));
+            let launches = self.launches.as_ref().filter(|_| Launches::suit(&self.scene, spec, true));
             self.executor.for_each(
                 pieces,
                 || Stack::for_scene(&self.scene),
@@ -348,8 +353,17 @@ impl Worker {
         };
         let rays = rays.iter().map(|&ray| source.ray(ray));
         match walk {
-            // The stream's own query: an any-hit stream costs what its any-hit kernel costs.
-            Walk::Full => rt_bvh::trace(&self.scene, stack, StreamSpec { counts: true, ..spec }, rays, &mut put),
+            // The stream's own query: an any-hit stream costs what its any-hit kernel costs, and one of all hits what
+            // finding all of them does.
+            Walk::Full => {
+                let spec = StreamSpec { counts: true, ..spec };
+                match spec.query {
+                    Query::All { .. } => {
+                        rt_bvh::trace_several(&self.scene, stack, spec, rays, |hits, tests| put(hits[0], tests));
+                    }
+                    _ => rt_bvh::trace(&self.scene, stack, spec, rays, &mut put),
+                }
+            }
             Walk::Reduced(_) => rt_bvh::count(&self.scene, stack, walk, spec.precision, rays, &mut put),
         }
     }
@@ -384,10 +398,11 @@ const fn chunk_of(rays: usize, threads: usize) -> usize {
     }
 }
 
-/// Cuts every task into pieces of at most `chunk` rays.
+/// Cuts every task into pieces of at most `chunk` rays, with `per_ray` hits each.
 fn cut<'a>(
     tasks: &[Task],
     chunk: usize,
+    per_ray: usize,
     mut hits: &'a mut [Hit],
     mut counts: &'a mut [TestCounts],
     seconds: &'a mut [f32],
@@ -398,13 +413,14 @@ fn cut<'a>(
         let mut range = task.range();
         while !range.is_empty() {
             let len = range.len().min(chunk);
-            let (own_hits, other_hits) = std::mem::take(&mut hits).split_at_mut(len);
+            let (own_hits, other_hits) = std::mem::take(&mut hits).split_at_mut(len * per_ray);
             let counted = if counts.is_empty() { 0 } else { len };
             let (own_counts, other_counts) = std::mem::take(&mut counts).split_at_mut(counted);
             (hits, counts) = (other_hits, other_counts);
             // One slot of seconds was made for each piece.
             if let Some(seconds) = seconds.next() {
-                pieces.push(Piece { task: index, first: range.start, hits: own_hits, counts: own_counts, seconds });
+                let rays = range.start..range.start + len as u32;
+                pieces.push(Piece { task: index, rays, hits: own_hits, counts: own_counts, seconds });
             }
             range.start += len as u32;
         }

@@ -39,6 +39,20 @@ typedef struct rb_scene rb_scene;
 // A scene on devices, and what was learnt about them.
 typedef struct rb_tracer rb_tracer;
 
+// One of the meshes of a scene.
+typedef struct {
+  // Three numbers for each vertex.
+  const float *positions;
+  // Number of vertices.
+  size_t vertices;
+  // Three vertices of this mesh for each triangle.
+  const uint32_t *indices;
+  // Number of triangles.
+  size_t triangles;
+  // Rays whose mask has none of these bits pass it by; 0: none does.
+  uint32_t mask;
+} rb_mesh;
+
 // The points `origin + t * direction` with `tmin <= t <= tmax`. The direction need not have unit length. A ray that is
 // no number somewhere, has no direction or `tmin > tmax` misses.
 typedef struct {
@@ -72,6 +86,11 @@ typedef struct {
   uint32_t coherent;
   // Rays per task, which is what is dealt to devices; 0: 1,024.
   uint32_t task_size;
+  // Above 1: so many of the nearest hits of each ray, in order of distance. `hits` then has so many places for each
+  // ray in a row, and those beyond a ray's hits are misses. CPU devices alone trace that.
+  uint32_t most_hits;
+  // Rays pass by meshes whose mask has none of these bits; 0: by none.
+  uint32_t mask;
   // Called with each task's hits once they are there, by the thread that traces; null: not. A task comes again where
   // a device is not believed any more. It must return, and call nothing of this library but `rb_cancel`.
   void (*finished)(void *user, uint32_t first, uint32_t rays, const rb_hit *hits);
@@ -118,6 +137,22 @@ rb_status rb_scene_new(const float *positions,
                        size_t triangles,
                        rb_scene **scene);
 
+// Builds one scene of `count` meshes. A hit's `primitive` counts the triangles of one mesh after the other:
+// `rb_geometry_of` tells which mesh, and which of its triangles.
+//
+// # Safety
+// `meshes` points to so many meshes, whose pointers lead to so many numbers as each says, and `scene` to where the
+// handle goes: null after a failure.
+rb_status rb_scene_of_meshes(const rb_mesh *meshes,
+                             size_t count,
+                             rb_scene **scene);
+
+// Which of the meshes a hit's `primitive` belongs to, and its number there.
+//
+// # Safety
+// `scene` is a scene; `geometry` and `triangle` each point to a number to write, or are null.
+rb_status rb_geometry_of(const rb_scene *scene, uint32_t primitive, uint32_t *geometry, uint32_t *triangle);
+
 // Frees a scene; null is none. Tracers of it go on.
 //
 // # Safety
@@ -153,12 +188,14 @@ size_t rb_tracer_devices(const rb_tracer *tracer);
 // `tracer` is a tracer or null.
 const char *rb_device_name(const rb_tracer *tracer, size_t device);
 
-// Traces rays: `hits[i]` is the hit of `rays[i]`. `options` (null: the usual), `counts` (null: not counted) and `run`
-// (null: not told) may be left out. Rays are copied. One thread traces at a time, others wait.
+// Traces rays: `hits[i]` is the hit of `rays[i]`, unless `options` ask for several of each. `options` (null: the
+// usual), `counts` (null: not counted) and `run` (null: not told) may be left out. Rays are copied. One thread traces
+// at a time, others wait.
 //
 // # Safety
-// `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each, which nobody else
-// writes to meanwhile; `run` and `options` are null or point to one.
+// `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each (`hits` to `most_hits`
+// times as many where that is above 1), which nobody else writes to meanwhile; `run` and `options` are null or point
+// to one.
 rb_status rb_trace(const rb_tracer *tracer,
                    const rb_ray *rays,
                    size_t count,

@@ -5,9 +5,9 @@
 
 use crate::failure::{Failure, call, with_last};
 use crate::tracer::{rb_scene, rb_tracer};
-use crate::types::{rb_counts, rb_hit, rb_options, rb_ray, rb_run, rb_status};
+use crate::types::{rb_counts, rb_hit, rb_mesh, rb_options, rb_ray, rb_run, rb_status};
 use core::ffi::{CStr, c_char};
-use rt_balance::Finished;
+use rt_balance::{Finished, Mesh};
 
 /// What is at a caller's pointer.
 ///
@@ -117,6 +117,59 @@ pub unsafe extern "C" fn rb_scene_new(
     })
 }
 
+/// Builds one scene of `count` meshes. A hit's `primitive` counts the triangles of one mesh after the other:
+/// `rb_geometry_of` tells which mesh, and which of its triangles.
+///
+/// # Safety
+/// `meshes` points to so many meshes, whose pointers lead to so many numbers as each says, and `scene` to where the
+/// handle goes: null after a failure.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn rb_scene_of_meshes(
+    meshes: *const rb_mesh,
+    count: usize,
+    scene: *mut *mut rb_scene,
+) -> rb_status {
+    call(|| {
+        // SAFETY: the caller promises the list.
+        let meshes = unsafe { list(meshes, count, "meshes")? };
+        let mut all = Vec::new();
+        for (number, mesh) in meshes.iter().enumerate() {
+            // SAFETY: the caller promises each of the lists, in threes: arrays of three have the alignment of one.
+            let (positions, indices) = unsafe {
+                (
+                    list(mesh.positions.cast::<[f32; 3]>(), mesh.vertices, &format!("meshes[{number}].positions"))?,
+                    list(mesh.indices.cast::<[u32; 3]>(), mesh.triangles, &format!("meshes[{number}].indices"))?,
+                )
+            };
+            all.push((Mesh::of_arrays(positions, indices), mesh.mask));
+        }
+        // SAFETY: the caller promises the place.
+        unsafe { hand_over(scene, "scene", || rb_scene::of_meshes(&all)) }
+    })
+}
+
+/// Which of the meshes a hit's `primitive` belongs to, and its number there.
+///
+/// # Safety
+/// `scene` is a scene; `geometry` and `triangle` each point to a number to write, or are null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn rb_geometry_of(
+    scene: *const rb_scene,
+    primitive: u32,
+    geometry: *mut u32,
+    triangle: *mut u32,
+) -> rb_status {
+    call(|| {
+        // SAFETY: the caller promises each of them, or null where that may be.
+        let (scene, places) = unsafe { (read(scene, "scene")?, [geometry.as_mut(), triangle.as_mut()]) };
+        let (geometry, triangle) = scene.geometry_of(primitive)?;
+        for (place, number) in places.into_iter().zip([geometry, triangle]) {
+            place.into_iter().for_each(|place| *place = number);
+        }
+        Ok(())
+    })
+}
+
 /// Frees a scene; null is none. Tracers of it go on.
 ///
 /// # Safety
@@ -200,12 +253,14 @@ pub unsafe extern "C" fn rb_device_name(tracer: *const rb_tracer, device: usize)
     tracer.and_then(|tracer| tracer.devices().get(device)).map_or(core::ptr::null(), |name| name.as_ptr())
 }
 
-/// Traces rays: `hits[i]` is the hit of `rays[i]`. `options` (null: the usual), `counts` (null: not counted) and `run`
-/// (null: not told) may be left out. Rays are copied. One thread traces at a time, others wait.
+/// Traces rays: `hits[i]` is the hit of `rays[i]`, unless `options` ask for several of each. `options` (null: the
+/// usual), `counts` (null: not counted) and `run` (null: not told) may be left out. Rays are copied. One thread traces
+/// at a time, others wait.
 ///
 /// # Safety
-/// `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each, which nobody else
-/// writes to meanwhile; `run` and `options` are null or point to one.
+/// `tracer` is a tracer; `rays`, `hits` and, unless null, `counts` point to `count` values each (`hits` to `most_hits`
+/// times as many where that is above 1), which nobody else writes to meanwhile; `run` and `options` are null or point
+/// to one.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn rb_trace(
     tracer: *const rb_tracer,
@@ -218,12 +273,15 @@ pub unsafe extern "C" fn rb_trace(
 ) -> rb_status {
     call(|| {
         // SAFETY: the caller promises each of them, or null where that may be.
-        let (tracer, rays, options, hits, counts) = unsafe {
+        let options = unsafe { options.as_ref() };
+        // More than an address space holds is refused as such.
+        let places = count.saturating_mul(options.map_or(1, |options| options.most_hits.max(1)) as usize);
+        // SAFETY: likewise.
+        let (tracer, rays, hits, counts) = unsafe {
             (
                 read(tracer, "tracer")?,
                 list(rays, count, "rays")?,
-                options.as_ref(),
-                list_mut(hits, count, "hits")?,
+                list_mut(hits, places, "hits")?,
                 if counts.is_null() { None } else { Some(list_mut(counts, count, "counts")?) },
             )
         };

@@ -44,7 +44,9 @@ impl From<BalanceError> for Failure {
     fn from(error: BalanceError) -> Self {
         let status = match error {
             BalanceError::Cancelled { .. } => rb_status::RB_CANCELLED,
-            BalanceError::Length { .. } | BalanceError::NoDevices => rb_status::RB_INVALID_ARGUMENT,
+            BalanceError::Length { .. } | BalanceError::Hits { .. } | BalanceError::NoDevices => {
+                rb_status::RB_INVALID_ARGUMENT
+            }
             _ => rb_status::RB_DEVICE,
         };
         Self::of(status, &error)

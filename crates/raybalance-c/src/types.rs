@@ -50,6 +50,22 @@ pub struct rb_hit {
 /// The `primitive` of a ray that hits nothing.
 pub const RB_MISS: u32 = 0xffff_ffff;
 
+/// One of the meshes of a scene.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct rb_mesh {
+    /// Three numbers for each vertex.
+    pub positions: *const f32,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Three vertices of this mesh for each triangle.
+    pub indices: *const u32,
+    /// Number of triangles.
+    pub triangles: usize,
+    /// Rays whose mask has none of these bits pass it by; 0: none does.
+    pub mask: u32,
+}
+
 /// What finding a hit took: the same on every device.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
@@ -70,6 +86,11 @@ pub struct rb_options {
     pub coherent: u32,
     /// Rays per task, which is what is dealt to devices; 0: 1,024.
     pub task_size: u32,
+    /// Above 1: so many of the nearest hits of each ray, in order of distance. `hits` then has so many places for each
+    /// ray in a row, and those beyond a ray's hits are misses. CPU devices alone trace that.
+    pub most_hits: u32,
+    /// Rays pass by meshes whose mask has none of these bits; 0: by none.
+    pub mask: u32,
     /// Called with each task's hits once they are there, by the thread that traces; null: not. A task comes again where
     /// a device is not believed any more. It must return, and call nothing of this library but `rb_cancel`.
     pub finished:

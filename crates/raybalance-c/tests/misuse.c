@@ -56,6 +56,34 @@ int main(void) {
         failures++;
     }
 
+    /* Two meshes: the far one for all rays, the near one for those with the second bit. */
+    const float near_positions[] = {0, 0, 1, 1, 0, 1, 0, 1, 1};
+    const rb_mesh meshes[] = {{positions, 3, indices, 1, 0}, {near_positions, 3, indices, 1, 2}};
+    const rb_mesh wrong = {positions, 3, beyond, 1, 0}, absent = {NULL, 3, indices, 1, 0};
+    EXPECT(rb_scene_of_meshes(NULL, 2, &scene), RB_INVALID_ARGUMENT, "meshes: null");
+    EXPECT(rb_scene_of_meshes(&wrong, 1, &scene), RB_INVALID_ARGUMENT, "mesh 0: triangle 0 names vertex 4");
+    EXPECT(rb_scene_of_meshes(&absent, 1, &scene), RB_INVALID_ARGUMENT, "meshes[0].positions: null");
+    EXPECT(rb_scene_of_meshes(meshes, 2, &scene), RB_OK, "");
+    uint32_t mesh = 9, triangle = 9;
+    EXPECT(rb_geometry_of(scene, 1, &mesh, &triangle), RB_OK, "");
+    EXPECT(rb_geometry_of(scene, RB_MISS, &mesh, NULL), RB_INVALID_ARGUMENT, "primitive: ");
+    EXPECT(rb_geometry_of(NULL, 0, &mesh, NULL), RB_INVALID_ARGUMENT, "scene: null");
+    rb_tracer *of_meshes;
+    EXPECT(rb_tracer_new(scene, "cpu:1", &of_meshes), RB_OK, "");
+    rb_scene_free(scene);
+    const rb_ray down = {{0.2f, 0.2f, 2}, 0, {0, 0, -1}, INFINITY};
+    rb_hit three[3], one;
+    const rb_options all = {.most_hits = 3}, hidden = {.mask = 1}, both = {.most_hits = 2, .any_hit = 1};
+    EXPECT(rb_trace(of_meshes, &down, 1, &all, three, NULL, NULL), RB_OK, "");
+    EXPECT(rb_trace(of_meshes, &down, 1, &hidden, &one, NULL, NULL), RB_OK, "");
+    EXPECT(rb_trace(of_meshes, &down, 1, &both, three, NULL, NULL), RB_INVALID_ARGUMENT, "any_hit");
+    if (mesh != 1 || triangle != 0 || three[0].primitive != 1 || three[0].t != 1 || three[1].primitive != 0 ||
+        three[1].t != 2 || three[2].primitive != RB_MISS || one.primitive != 0) {
+        fprintf(stderr, "meshes, masks or several hits\n");
+        failures++;
+    }
+    rb_tracer_free(of_meshes);
+
     /* So many that they are not traced in one launch. */
     enum { RAYS = 300000 };
     static rb_ray rays[RAYS];

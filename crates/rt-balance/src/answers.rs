@@ -126,7 +126,8 @@ impl Asked {
         let _environment = rt_fenv::Environment::enter();
         let rays: usize = tasks.iter().map(|task| task.rays as usize).sum();
         let Launch { hits, counts, task_seconds, span } = launch;
-        if hits.len() != rays || (self.spec.counts && counts.len() != rays) {
+        let per_ray = self.spec.query.hits_per_ray();
+        if hits.len() != rays * per_ray || (self.spec.counts && counts.len() != rays) {
             let (found, counted) = (hits.len(), counts.len());
             return Err(untrue(format!("a launch of {rays} rays came back with {found} hits and {counted} counts")));
         }
@@ -136,8 +137,11 @@ impl Asked {
             task_seconds.clear();
         }
         let known = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
-        let asked = || tasks.iter().flat_map(Task::range);
+        let asked = || tasks.iter().flat_map(Task::range).flat_map(|ray| std::iter::repeat_n(ray, per_ray));
         self.possible(asked().zip(hits.iter()).filter(|(ray, _)| !known(*ray)))?;
+        if per_ray > 1 && !hits.chunks(per_ray).all(is_in_order) {
+            return Err(untrue("hits of a ray are not in order of distance and number".to_owned()));
+        }
         let counts = if self.spec.counts { &mut counts[..] } else { &mut [] };
         // Where a launch's rays are in the list of all its rays.
         let mut starts = Vec::with_capacity(tasks.len());
@@ -151,7 +155,7 @@ impl Asked {
             let ray = tasks.get(task)?.first + (place - starts[task]) as u32;
             (!known(ray)).then_some(ray)
         };
-        self.audit(rays, ray, hits, counts)
+        self.audit(rays, ray, (self.spec.query, hits), counts)
     }
 
     /// Looks at the hits of a full walk. What the host refused is replaced.
@@ -166,7 +170,9 @@ impl Asked {
     ) -> Result<Checked, DeviceError> {
         let _environment = rt_fenv::Environment::enter();
         self.possible(rays.iter().copied().zip(hits.iter()))?;
-        self.audit(rays.len(), |place| rays.get(place).copied(), hits, counts)
+        // A walk brings the nearest of several hits.
+        let query = if self.spec.query == Query::Any { Query::Any } else { Query::Closest };
+        self.audit(rays.len(), |place| rays.get(place).copied(), (query, hits), counts)
     }
 
     /// A span that ends after it began. A device's clock is not the host's, but it must be a clock.
@@ -179,19 +185,22 @@ impl Asked {
 
     /// Refuses what cannot be true, whatever the scene looks like.
     fn possible<'h>(&self, mut hits: impl Iterator<Item = (u32, &'h Hit)>) -> Result<(), DeviceError> {
-        let primitives = self.scene.primitive_count();
+        let (primitives, mask) = (self.scene.primitive_count(), self.spec.mask);
+        let is_possible = |hit: &Hit, limits: [f32; 2], start: u32| {
+            is_possible(hit, limits, start, primitives) && self.scene.shows(hit.primitive, mask)
+        };
         let wrong = match &self.source {
             RaySource::Explicit { rays, origins } => hits.find(|(index, hit)| {
                 let ray = &rays[*index as usize];
                 let start = origins.as_ref().map_or(u32::MAX, |origins| origins[*index as usize]);
-                !(is_miss(hit) || is_possible(hit, [ray.tmin, ray.tmax], start, primitives) && ray.is_valid())
+                !(is_miss(hit) || is_possible(hit, [ray.tmin, ray.tmax], start) && ray.is_valid())
             }),
             RaySource::Camera(_) => {
-                hits.find(|(_, hit)| !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], u32::MAX, primitives)))
+                hits.find(|(_, hit)| !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], u32::MAX)))
             }
             RaySource::Bounce(bounce) => hits.find(|(index, hit)| {
                 let start = bounce.departures[*index as usize].primitive;
-                !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], start, primitives))
+                !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], start))
             }),
         };
         match wrong {
@@ -207,7 +216,7 @@ impl Asked {
         &mut self,
         places: usize,
         ray: impl Fn(usize) -> Option<u32>,
-        hits: &mut [Hit],
+        (query, hits): (Query, &mut [Hit]),
         counts: &mut [TestCounts],
     ) -> Result<Checked, DeviceError> {
         let mut checked = Checked::default();
@@ -215,12 +224,12 @@ impl Asked {
         self.number = self.number.wrapping_add(1);
         let period = period.min(places);
         let start = random::below(period as u32, self.number, places as u32, 0) as usize;
-        self.retrace((start..places).step_by(period), &ray, hits, counts, &mut checked);
+        self.retrace((start..places).step_by(period), &ray, (query, &mut *hits), counts, &mut checked);
         if checked.refused == 0 {
             return Ok(checked);
         }
         let mut closer = Checked::default();
-        self.retrace((0..places).step_by(places.div_ceil(CLOSER_LOOK)), &ray, hits, counts, &mut closer);
+        self.retrace((0..places).step_by(places.div_ceil(CLOSER_LOOK)), &ray, (query, hits), counts, &mut closer);
         // What was found first is right by now.
         closer.add(checked);
         if is_disbelieved(closer.audited, closer.refused) {
@@ -234,24 +243,35 @@ impl Asked {
         &mut self,
         places: impl Iterator<Item = usize>,
         ray: impl Fn(usize) -> Option<u32>,
-        hits: &mut [Hit],
+        (query, hits): (Query, &mut [Hit]),
         counts: &mut [TestCounts],
         checked: &mut Checked,
     ) {
         let Self { scene, source, spec, stack, .. } = self;
+        let spec = StreamSpec { query, counts: !counts.is_empty(), ..*spec };
+        let per_ray = query.hits_per_ray();
         for (place, ray) in places.filter_map(|place| Some((place, ray(place)?))) {
-            let Some(hit) = hits.get_mut(place) else { continue };
-            let spec = StreamSpec { counts: !counts.is_empty(), ..*spec };
-            rt_bvh::trace(scene, stack, spec, std::iter::once(source.ray(ray)), |right, count| {
+            let Some(hits) = hits.get_mut(place * per_ray..(place + 1) * per_ray) else { continue };
+            let mut compare = |right: &[Hit], count: TestCounts| {
                 checked.audited += 1;
-                if !is_right(hit, &right, spec.query) {
+                if !hits.iter().zip(right).all(|(hit, right)| is_right(hit, right, query)) {
                     checked.refused += 1;
-                    *hit = right;
+                    hits.copy_from_slice(right);
                     counts.get_mut(place).into_iter().for_each(|slot| *slot = count);
                 }
-            });
+            };
+            let rays = std::iter::once(source.ray(ray));
+            match query {
+                Query::All { .. } => rt_bvh::trace_several(scene, stack, spec, rays, compare),
+                _ => rt_bvh::trace(scene, stack, spec, rays, |right, count| compare(&[right], count)),
+            }
         }
     }
+}
+
+/// Whether hits of a ray come as [`Query::All`] wants them: each before the next, and behind a miss none.
+fn is_in_order(hits: &[Hit]) -> bool {
+    hits.is_sorted_by(|a, b| a.is_before(b) || is_miss(a) && is_miss(b))
 }
 
 /// Whether that is how a miss looks.

@@ -10,10 +10,11 @@ use crate::plan::plan_of;
 use crate::report::StreamRun;
 use crate::run::{Ran, run};
 use crate::{Audit, BalanceError, Control, Limits, Scheduling, Stream, clock};
-use rt_bvh::BuildOptions;
+use rt_bvh::{BuildOptions, Mesh};
+use rt_core::arguments::check_spec;
 use rt_core::{
-    CostEstimator, Counted, CountedTree, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, LaunchRecord, Ray,
-    RaySource, RayStream, Scene, StreamKind, StreamRecord, StreamSpec, TestCounts,
+    CostEstimator, Counted, CountedTree, Device, DeviceInfo, Hit, LaunchRecord, Ray, RaySource, RayStream, Scene,
+    StreamKind, StreamRecord, StreamSpec, TestCounts,
 };
 use rt_sched::cut::finer;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -108,6 +109,14 @@ impl Balancer {
         Self::new(built.scene, devices)
     }
 
+    /// The same of several meshes: [`Scene::geometry_of`] tells mesh and triangle of a hit's `primitive`.
+    ///
+    /// # Errors
+    /// As for [`Balancer::for_mesh`].
+    pub fn for_meshes(meshes: &[Mesh<'_>], devices: &[Arc<dyn Device>]) -> Result<Self, BalanceError> {
+        Self::new(rt_bvh::build_meshes(meshes, &BuildOptions::default())?.scene, devices)
+    }
+
     /// The scene.
     #[must_use]
     pub const fn scene(&self) -> &Arc<Scene> {
@@ -165,7 +174,7 @@ impl Balancer {
         stream.check()?;
         scheduling.check()?;
         // Hits of sampled rays have no place to go.
-        let mut output = Output { hits: &mut [], counts: None };
+        let mut output = Output { hits: &mut [], per_ray: 1, counts: None };
         self.guarded(scheduling.limits, control, |balancer| {
             let Begun { estimated, .. } = balancer.begin(stream, scheduling, &mut output, control)?;
             let plan = plan_of(&balancer.members, stream, scheduling, &estimated)?;
@@ -182,9 +191,10 @@ impl Balancer {
 
     /// Estimates, schedules and traces one stream.
     ///
-    /// `hits` has one entry for each ray; so has `counts`, which is filled when `stream.spec.counts` is set. Every
-    /// ray is traced exactly once, on whatever device, unless a device fails or is late; entries of tasks that were not
-    /// finished keep their values.
+    /// `hits` has [`Query::hits_per_ray`](rt_core::Query::hits_per_ray) entries for each ray: one, unless the stream
+    /// asks for several. `counts` has one, which is filled when `stream.spec.counts` is set. Every ray is traced
+    /// exactly once, on whatever device, unless a device fails or is late; entries of tasks that were not finished keep
+    /// their values.
     ///
     /// # Errors
     /// When an argument is wrong, or what the caller's estimator, policy or queue says: that costs no device. When the
@@ -202,13 +212,17 @@ impl Balancer {
         control: Control<'_>,
     ) -> Result<StreamRun, BalanceError> {
         let rays = stream.source.len() as usize;
-        check_length("hits", hits.len(), rays)?;
+        let per_ray = stream.spec.query.hits_per_ray();
+        if per_ray > 1 && rays.checked_mul(per_ray) != Some(hits.len()) {
+            return Err(BalanceError::Hits { found: hits.len(), rays, most: per_ray });
+        }
+        check_length("hits", hits.len() / per_ray, rays)?;
         if let Some(counts) = &counts {
             check_length("counts", counts.len(), rays)?;
         }
         stream.check()?;
         scheduling.check()?;
-        let mut output = Output { hits, counts: counts.filter(|_| stream.spec.counts) };
+        let mut output = Output { hits, per_ray, counts: counts.filter(|_| stream.spec.counts) };
         let alive = self.members.iter().filter(|member| member.is_alive()).count();
         let finer = if scheduling.queue.cuts() { finer(&stream.tasks, alive) } else { None };
         let cut = finer.map(|tasks| Stream { tasks, ..stream.clone() });
@@ -338,11 +352,7 @@ impl Balancer {
         let mut refused = Vec::new();
         let spec = self.spec_of(stream);
         for member in self.members.iter_mut().filter(|member| member.is_ready()) {
-            if !member.info.capabilities.can_trace(spec) {
-                let (precision, counts) = (stream.spec.precision.name(), stream.spec.counts);
-                let what =
-                    format!("it cannot trace with precision {precision}, counts {counts}: choose another device");
-                let error = DeviceError::new(DeviceErrorKind::Unsupported, what);
+            if let Err(error) = check_spec(&member.info.capabilities, &self.scene, spec) {
                 member.leave_out(&error);
                 refused.push((member.index, error));
             }

@@ -27,6 +27,17 @@ pub enum BalanceError {
         /// Number of rays.
         rays: usize,
     },
+    /// The output slice for hits does not fit a stream that asks for several of each ray.
+    Hits {
+        /// Its length.
+        found: usize,
+        /// Number of rays.
+        rays: usize,
+        /// Hits of each.
+        most: usize,
+    },
+    /// A scene with masks or geometries cannot go on with another number of triangles, of which nothing is known.
+    Attributes(rt_core::SceneError),
     /// The tasks are not consecutive ranges that cover the stream's rays.
     Tasks {
         /// First ray that is not where it should be.
@@ -111,6 +122,16 @@ impl fmt::Display for BalanceError {
             Self::Length { argument, found, rays } => {
                 write!(f, "argument `{argument}` has {found} entries but the stream has {rays} rays: make them equal")
             }
+            Self::Attributes(_) => write!(
+                f,
+                "the masks and geometries of the scene are those of other triangles: give a scene of these to \
+                 `replace_scene`"
+            ),
+            Self::Hits { found, rays, most } => write!(
+                f,
+                "argument `hits` has {found} entries, but {rays} rays with up to {most} hits each need {}",
+                rays.saturating_mul(*most)
+            ),
             Self::Tasks { ray } => {
                 write!(f, "argument `tasks` must cover the stream's rays once and in order, which fails at ray {ray}")
             }
@@ -144,6 +165,7 @@ impl std::error::Error for BalanceError {
         match self {
             Self::Open { source, .. } | Self::Refused { source, .. } => Some(source),
             Self::Build(source) => Some(source),
+            Self::Attributes(source) => Some(source),
             Self::Thread { source, .. } => Some(source),
             _ => None,
         }

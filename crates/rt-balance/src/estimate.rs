@@ -96,7 +96,8 @@ pub(crate) fn estimate(
                 rays = Arc::new(wanted);
                 let found = walk_on_all(members, &rays, walk, limits, control)?;
                 walked += rays.len() as u64;
-                if walk == Walk::Full {
+                // A walk brings one hit of a ray at most.
+                if walk == Walk::Full && stream.spec.query.hits_per_ray() == 1 {
                     keep(kept.get_or_insert_with(|| RayMask::new(stream.source.len())), &rays, &found, output);
                     finders.push(Finders { rays: Arc::clone(&rays), by: found.by });
                 }

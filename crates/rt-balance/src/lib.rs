@@ -87,7 +87,7 @@ pub use backend_wgpu as wgpu;
 pub use glam;
 pub use rt_bvh::{
     BuildError, BuildOptions, BuildReport, Builder, Built, Fallback, InvalidTriangles, Mesh, PlocQuality, TreeStats,
-    build, build_with, refit,
+    build, build_meshes, build_with, refit,
 };
 pub use rt_core::{
     Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,

@@ -3,7 +3,9 @@
 use crate::Stream;
 use crate::device_state::DeviceState;
 use crate::record::{LaunchDone, WalkDone};
-use rt_core::{Coherence, CostEstimator, CostModel, CountedTree, CountsToken, DeviceInfo, StreamKind, TaskId, Work};
+use rt_core::{
+    Coherence, CostEstimator, CostModel, CountedTree, CountsToken, DeviceInfo, StreamKind, StreamSpec, TaskId, Work,
+};
 use rt_sched::calibrate::{Calibration, Fit, Measured};
 use rt_sched::estimate::Uniform;
 use rt_sched::uninformed::Regime;
@@ -20,13 +22,16 @@ pub(crate) struct Models {
 }
 
 /// What launches must have in common to be priced alike: the estimator that counted their tests, and whose those are,
-/// and the kind of stream, since incoherent rays miss the caches that coherent ones hit.
+/// and the kind of stream, since incoherent rays miss the caches that coherent ones hit, and several hits or masks take
+/// other kernels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Key {
     counts: CountsToken,
     class: u8,
     coherence: Coherence,
     counted: CountedTree,
+    hits_per_ray: usize,
+    has_mask: bool,
 }
 
 impl Key {
@@ -38,7 +43,9 @@ impl Key {
             StreamKind::Diffuse(_) => 2,
             _ => 3,
         };
-        Self { counts, class, coherence: stream.spec.coherence, counted: stream.spec.counted }
+        let StreamSpec { coherence, counted, query, mask, .. } = stream.spec;
+        let (hits_per_ray, has_mask) = (query.hits_per_ray(), mask != u32::MAX);
+        Self { counts, class, coherence, counted, hits_per_ray, has_mask }
     }
 
     /// The key of a stream after its estimate.

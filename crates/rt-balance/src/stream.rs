@@ -181,7 +181,7 @@ pub struct Control<'a> {
 pub struct Finished<'a> {
     /// The rays: a range of the stream.
     pub task: Task,
-    /// Their hits, in order.
+    /// Their hits, in order; as many for each as the stream asks for.
     pub hits: &'a [Hit],
     /// Their counts, if there is room for them and the stream counts.
     pub counts: Option<&'a [TestCounts]>,

@@ -64,11 +64,12 @@ impl Balancer {
     /// Devices, their prices and estimators stay.
     ///
     /// Where the same triangles moved, the tree's boxes are fitted, unless that makes rays more than [`MOST_GROWTH`]
-    /// times as expensive. Otherwise it is built as [`Balancer::building`] says.
+    /// times as expensive. Otherwise it is built as [`Balancer::building`] says. Masks and geometries stay with the ids
+    /// of their primitives.
     ///
     /// # Errors
-    /// When an index or a coordinate is invalid: then the scene is as before. When no device can take the scene: then
-    /// none is left.
+    /// When an index or a coordinate is invalid, or the scene has masks or geometries and the triangles are not as
+    /// many: then the scene is as before. When no device can take the scene: then none is left.
     pub fn update(&mut self, positions: &[[f32; 3]], indices: &[[u32; 3]]) -> Result<Update, BalanceError> {
         let (mesh, options) = (Mesh::of_arrays(positions, indices), self.building);
         let cost = |scene: &Scene| TreeStats::of(scene).sah_cost;
@@ -84,7 +85,11 @@ impl Balancer {
                 let cause = if unfit.is_some() { Cause::TooExpensive } else { Cause::OtherTriangles };
                 // Its memory is free before the next one is built.
                 drop(unfit);
-                (Updated::Rebuilt(cause), timed(|| Ok(rt_bvh::build(mesh, &options)?.scene))?)
+                let build = || {
+                    let built = Arc::unwrap_or_clone(rt_bvh::build(mesh, &options)?.scene);
+                    built.with_attributes_of(&self.scene).map(Arc::new).map_err(BalanceError::Attributes)
+                };
+                (Updated::Rebuilt(cause), timed(build)?)
             }
         };
         let (sent_bytes, bring_s) = timed(|| self.bring(scene))?;

@@ -1,8 +1,8 @@
 //! Bounding volume hierarchies: building them, and tracing rays through them.
 //!
-//! [`build`] turns a mesh into an [`rt_core::Scene`]; [`trace()`] finds hits; [`count`] finds what rays cost, with hits
-//! ([`rt_core::Walk::Full`]) or without touching a triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a
-//! tree.
+//! [`build`] turns a mesh into an [`rt_core::Scene`], [`build_meshes`] several; [`trace()`] finds a hit of each ray,
+//! [`trace_several`] several; [`count`] finds what rays cost, with hits ([`rt_core::Walk::Full`]) or without touching a
+//! triangle ([`rt_core::Walk::Reduced`]); [`TreeStats`] describes a tree.
 //!
 //! It traces two layouts, the scene's own two-wide tree and an eight-wide compressed one made from it ([`WideTree`],
 //! [`trace_wide`], [`count_wide`]), with one traversal loop each, generic over a visitor. Hits are a function of ray
@@ -37,8 +37,8 @@ mod wide;
 use rt_core::scale;
 
 pub use blocks::{Block, BlockAxis, BlockChild, BlockNode, BlockTree, BlockTreeError};
-pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, build_with, refit};
+pub use build::{BuildError, BuildReport, Built, Fallback, MOST_STEPS, build, build_meshes, build_with, refit};
 pub use options::{BuildOptions, Builder, InvalidTriangles, Mesh, PlocQuality, UnknownBuilder};
 pub use stats::TreeStats;
-pub use trace::{Stack, count, count_wide, kernel_io, trace, trace_wide};
+pub use trace::{Stack, count, count_wide, kernel_io, trace, trace_several, trace_wide};
 pub use wide::{WideError, WideNode, WideShape, WideTree};

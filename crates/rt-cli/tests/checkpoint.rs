@@ -11,8 +11,10 @@ const SIZE: u64 = 181 * 120;
 const PICTURE: [&str; 12] =
     ["render", "yard", "--size", "181x120", "--spp", "3", "--bounces", "1", "--seed", "5", "--devices", "cpu:1"];
 
-/// How often a process is killed.
-const KILLS: u32 = 30;
+/// How often a process is killed: `RAYBALANCE_TRIALS` for more.
+fn kills() -> u32 {
+    std::env::var("RAYBALANCE_TRIALS").ok().and_then(|trials| trials.parse().ok()).unwrap_or(15)
+}
 
 fn render(out: &Path, checkpoint: Option<&Path>) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_raybalance"));
@@ -49,8 +51,8 @@ fn a_process_killed_at_any_moment_goes_on_where_it_was() {
     assert!(render(&alone, None).status().expect("it starts").success());
     let whole = fs::read(alone.join("image.png")).expect("a picture");
     let file = kept.join("frame-0000.tiles");
-    let (mut kills, mut pictures) = (0, 0);
-    while kills < KILLS || pictures == 0 {
+    let (most, mut kills, mut pictures) = (kills(), 0, 0);
+    while kills < most || pictures == 0 {
         let mut child = render(&out, Some(&kept)).spawn().expect("it starts");
         // Somewhere in the next tiles, or before the first.
         let more = u64::from(kills.wrapping_mul(2_654_435_761) >> 12) % 60_000;

@@ -32,6 +32,7 @@ mod moving;
 mod need;
 mod numbers;
 mod session;
+mod several;
 mod streams;
 
 pub use need::Need;
@@ -93,7 +94,8 @@ impl Subject {
 /// Every case.
 #[must_use]
 pub fn cases() -> Vec<Case> {
-    [hits::CASES, numbers::CASES, streams::CASES, counts::CASES, launches::CASES, moving::CASES].concat()
+    [hits::CASES, numbers::CASES, streams::CASES, counts::CASES, launches::CASES, moving::CASES, several::CASES]
+        .concat()
 }
 
 /// Every case for every device; devices that `RT_REQUIRE` names must be there.

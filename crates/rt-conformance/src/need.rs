@@ -18,6 +18,10 @@ pub enum Need {
     Precision(Precision),
     /// A reduced walk.
     ReducedWalk(ReducedWalk),
+    /// [`Capabilities::has_all_hits`].
+    AllHits,
+    /// [`Capabilities::has_masks`].
+    Masks,
 }
 
 impl Need {
@@ -30,6 +34,8 @@ impl Need {
             Self::SceneTree => capabilities.counts_scene_tree(),
             Self::Precision(precision) => capabilities.has_precision(precision),
             Self::ReducedWalk(walk) => capabilities.has_walk(Walk::Reduced(walk)),
+            Self::AllHits => capabilities.has_all_hits(),
+            Self::Masks => capabilities.has_masks(),
         }
     }
 }
@@ -42,6 +48,8 @@ impl fmt::Display for Need {
             Self::SceneTree => write!(f, "counts of the scene's own tree"),
             Self::Precision(precision) => write!(f, "the precision {precision:?}"),
             Self::ReducedWalk(walk) => write!(f, "the walk {walk:?}"),
+            Self::AllHits => write!(f, "several hits of a ray"),
+            Self::Masks => write!(f, "masks of primitives"),
         }
     }
 }

@@ -82,7 +82,8 @@ impl Session {
         };
         self.tracer.wait(ticket, LIMIT, &mut launch).map_err(|e| format!("wait: {e}"))?;
         let rays: usize = tasks.iter().map(|t| t.rays as usize).sum();
-        ensure!(launch.hits.len() == rays, "{} hits for {rays} rays", launch.hits.len());
+        let places = rays * self.spec.query.hits_per_ray();
+        ensure!(launch.hits.len() == places, "{} hits for {rays} rays, not {places}", launch.hits.len());
         let counts = if self.spec.counts { rays } else { 0 };
         ensure!(launch.counts.len() == counts, "{} counts, not {counts}", launch.counts.len());
         let times = &launch.task_seconds;

@@ -1,7 +1,7 @@
 //! What every [`Tracer`](crate::Tracer) refuses before it does anything, and what of a device's answers is refused: one
 //! place, so that all refuse alike.
 
-use crate::{DeviceError, DeviceErrorKind, Hit, RaySource, Task, TestCounts};
+use crate::{Capabilities, DeviceError, DeviceErrorKind, Hit, Query, RaySource, Scene, StreamSpec, Task, TestCounts};
 use alloc::format;
 use alloc::string::String;
 
@@ -36,6 +36,26 @@ pub fn check_load(source: &RaySource, open: usize) -> Result<(), DeviceError> {
         }
         _ => Ok(()),
     }
+}
+
+/// Refuses a stream that a device of these capabilities cannot trace in this scene.
+///
+/// # Errors
+/// [`DeviceErrorKind::Unsupported`] in that case; the message says what to do.
+pub fn check_spec(capabilities: &Capabilities, scene: &Scene, spec: StreamSpec) -> Result<(), DeviceError> {
+    let what = if scene.hides(spec.mask) && !capabilities.has_masks() {
+        "it knows no masks, and the mask of these rays hides primitives: choose a CPU device, or trace a scene without \
+         those"
+            .into()
+    } else if matches!(spec.query, Query::All { .. }) && !capabilities.has_all_hits() {
+        "it finds one hit of each ray: choose a CPU device, or ask for the nearest hit".into()
+    } else if !capabilities.can_trace(spec) {
+        let (precision, counts) = (spec.precision.name(), spec.counts);
+        format!("it cannot trace with precision {precision}, counts {counts}: choose another device")
+    } else {
+        return Ok(());
+    };
+    Err(DeviceError::new(DeviceErrorKind::Unsupported, what))
 }
 
 /// Refuses a walk of rays that are not among the `loaded` ones, or with room for another number of answers.

@@ -61,7 +61,8 @@ pub trait Tracer: Send + Debug {
 
     /// Walks single rays and counts their tests; blocks until done.
     ///
-    /// `counts` has one entry for each of `rays`. So has `hits`, which [`Walk::Full`] fills if given.
+    /// `counts` has one entry for each of `rays`. So has `hits`, which [`Walk::Full`] fills if given; of
+    /// [`Query::All`] with the nearest.
     ///
     /// # Errors
     /// When the lengths differ, an index is not a loaded ray's, or the device is lost;
@@ -225,9 +226,9 @@ impl RaySource {
 }
 
 /// What is asked of every ray of a stream; a kernel does only that.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct StreamSpec {
-    /// Nearest hit or any.
+    /// Nearest hit, any, or several.
     pub query: Query,
     /// How carefully.
     pub precision: Precision,
@@ -237,6 +238,8 @@ pub struct StreamSpec {
     pub counted: CountedTree,
     /// What the caller knows of rays that follow each other. It changes no hit.
     pub coherence: Coherence,
+    /// Rays hit the primitives whose mask has one of these bits ([`Scene::with_masks`]); usually all.
+    pub mask: u32,
 }
 
 /// Whose tests a stream counts, in launches and walks alike.
@@ -265,7 +268,14 @@ impl StreamSpec {
     /// What is asked of each ray, of which nothing else is known.
     #[must_use]
     pub const fn new(query: Query, precision: Precision, counts: bool) -> Self {
-        Self { query, precision, counts, counted: CountedTree::Own, coherence: Coherence::Unknown }
+        Self { query, precision, counts, counted: CountedTree::Own, coherence: Coherence::Unknown, mask: u32::MAX }
+    }
+}
+
+impl Default for StreamSpec {
+    /// The nearest hit of each ray, carefully, and no counts.
+    fn default() -> Self {
+        Self::new(Query::default(), Precision::default(), false)
     }
 }
 
@@ -301,7 +311,8 @@ impl Span {
 /// The results of a launch.
 #[derive(Clone, Debug, Default)]
 pub struct Launch {
-    /// One hit for each ray of the launch's tasks, in their order. [`Hit::MISS`] for rays that were left out.
+    /// [`Query::hits_per_ray`] for each ray of the launch's tasks, in their order. [`Hit::MISS`] for rays that were
+    /// left out.
     pub hits: Vec<Hit>,
     /// Exact counts beside the hits; empty unless the stream asked for them.
     pub counts: Vec<TestCounts>,

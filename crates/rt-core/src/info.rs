@@ -1,6 +1,6 @@
 //! What a device is and can do.
 
-use crate::{CountedTree, Precision, ReducedWalk, StreamSpec, Walk};
+use crate::{CountedTree, Precision, Query, ReducedWalk, StreamSpec, Walk};
 use alloc::string::String;
 
 /// What a device is, for people and for the driver.
@@ -71,6 +71,8 @@ pub struct Capabilities {
     counts: Counted,
     defined_bits: bool,
     makes_rays: bool,
+    all_hits: bool,
+    masks: bool,
 }
 
 /// What a device counts.
@@ -90,9 +92,17 @@ pub enum Counted {
 }
 
 impl Capabilities {
-    /// Everything may be asked, counts and roundings are the device's own, and the host makes the rays.
-    pub const UNKNOWN: Self =
-        Self { reduced: 0b11, precisions: 0b111, counts: Counted::OwnTree, defined_bits: false, makes_rays: false };
+    /// One hit of each ray may be asked for, whatever the precision, among all primitives. Counts and roundings are the
+    /// device's own, and the host makes the rays.
+    pub const UNKNOWN: Self = Self {
+        reduced: 0b11,
+        precisions: 0b111,
+        counts: Counted::OwnTree,
+        defined_bits: false,
+        makes_rays: false,
+        all_hits: false,
+        masks: false,
+    };
 
     /// The same with these reduced walks and no others.
     #[must_use]
@@ -129,6 +139,20 @@ impl Capabilities {
         self
     }
 
+    /// The same for a device that finds several hits of a ray ([`Query::All`]).
+    #[must_use]
+    pub const fn with_all_hits(mut self) -> Self {
+        self.all_hits = true;
+        self
+    }
+
+    /// The same for a device whose rays pass by what their mask hides ([`StreamSpec::mask`]).
+    #[must_use]
+    pub const fn with_masks(mut self) -> Self {
+        self.masks = true;
+        self
+    }
+
     /// Whether it has such a walk.
     #[must_use]
     pub fn has_walk(&self, walk: Walk) -> bool {
@@ -146,7 +170,8 @@ impl Capabilities {
         bits(&Precision::ALL, |known| *known == precision) & self.precisions != 0
     }
 
-    /// Whether it can trace such a stream.
+    /// Whether it can trace such a stream, unless the stream's mask hides primitives: that takes
+    /// [`Capabilities::has_masks`].
     #[must_use]
     pub fn can_trace(&self, spec: StreamSpec) -> bool {
         let counts = match (self.counts, spec.counted) {
@@ -154,7 +179,20 @@ impl Capabilities {
             (Counted::OwnTree, counted) => counted == CountedTree::Own,
             (Counted::SceneTree | Counted::EitherTree, _) => true,
         };
-        self.has_precision(spec.precision) && (counts || !spec.counts)
+        let hits = self.all_hits || !matches!(spec.query, Query::All { .. });
+        self.has_precision(spec.precision) && (counts || !spec.counts) && hits
+    }
+
+    /// Whether it finds several hits of a ray ([`Query::All`]).
+    #[must_use]
+    pub const fn has_all_hits(&self) -> bool {
+        self.all_hits
+    }
+
+    /// Whether its rays pass by what their mask hides ([`StreamSpec::mask`]).
+    #[must_use]
+    pub const fn has_masks(&self) -> bool {
+        self.masks
     }
 
     /// Whether it can count tests of the scene's tree.
@@ -198,8 +236,10 @@ fn bits<T>(all: &[T], is_chosen: impl Fn(&T) -> bool) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::num::NonZero;
 
-    /// Mutants: a bit for the wrong walk or precision; walks of a device that counts nothing.
+    /// Mutants: a bit for the wrong walk or precision; walks of a device that counts nothing; several hits of one that
+    /// finds one.
     #[test]
     fn a_device_can_do_what_it_says_and_no_more() {
         for (place, walk) in ReducedWalk::ALL.into_iter().enumerate() {
@@ -224,6 +264,8 @@ mod tests {
             let device = Capabilities::UNKNOWN.with_counts(counts);
             assert_eq!((device.can_trace(scene), device.counts_scene_tree()), (can, can));
         }
+        let all = StreamSpec { query: Query::All { most: NonZero::<u32>::MIN }, ..StreamSpec::default() };
+        assert!(!Capabilities::UNKNOWN.can_trace(all) && Capabilities::UNKNOWN.with_all_hits().can_trace(all));
         for precision in Precision::ALL {
             let one = Capabilities::UNKNOWN.with_precisions(&[precision]);
             for other in Precision::ALL {

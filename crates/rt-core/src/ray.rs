@@ -1,6 +1,7 @@
 //! Rays, hits, triangles and counts: the plain data that crosses to a device.
 
 use bytemuck::{Pod, Zeroable};
+use core::num::NonZero;
 use glam::Vec3;
 
 /// A ray segment: the points `origin + t · direction` with `tmin ≤ t ≤ tmax`.
@@ -201,6 +202,24 @@ pub enum Query {
     Closest,
     /// Whether anything is hit. The returned hit is one of the candidates, not always the nearest.
     Any,
+    /// The nearest hits, in the order of [`Hit::is_before`]: every triangle that the ray meets, or the first `most` of
+    /// them. Each ray has so many places in a row; those beyond its hits are misses.
+    All {
+        /// Places of a ray.
+        most: NonZero<u32>,
+    },
+}
+
+impl Query {
+    /// Places for hits that each ray has: 1, but for [`Query::All`].
+    #[inline]
+    #[must_use]
+    pub const fn hits_per_ray(self) -> usize {
+        match self {
+            Self::Closest | Self::Any => 1,
+            Self::All { most } => most.get() as usize,
+        }
+    }
 }
 
 /// How carefully a ray is tested against triangles and boxes.

@@ -1,11 +1,13 @@
 //! A scene as kernels read it: a two-wide bounding volume hierarchy over triangles in leaf order.
 
+mod attributes;
 mod check;
 
 use crate::{Aabb, Triangle};
 use alloc::sync::Arc;
 use alloc::vec;
 use alloc::vec::Vec;
+use attributes::Attributes;
 use bytemuck::{Pod, Zeroable};
 use check::{check_moved, check_tree};
 use core::fmt;
@@ -171,6 +173,7 @@ pub struct Scene {
     depth: u32,
     /// Shared by scenes that are moved from each other.
     shape: Arc<()>,
+    attributes: Attributes,
 }
 
 impl Scene {
@@ -195,7 +198,8 @@ impl Scene {
         }
         let depth = check_tree(&nodes, &triangles)?;
         let primitives = PrimitiveIds::new(primitives);
-        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape: Arc::default() })
+        let (shape, attributes) = (Arc::default(), Attributes::default());
+        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape, attributes })
     }
 
     /// The same tree over triangles that have moved: nodes, leaves and ids stay, boxes and coordinates are others.
@@ -218,7 +222,8 @@ impl Scene {
         check(nodes.len(), &|range| check_moved(&self.nodes, &nodes, &triangles, range))?;
         let (primitives, shape) = (self.primitives.clone(), Arc::clone(&self.shape));
         let Self { primitive_count, depth, .. } = *self;
-        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape })
+        let attributes = self.attributes.clone();
+        Ok(Self { nodes, triangles, primitives, scale_exponent, primitive_count, depth, shape, attributes })
     }
 
     /// For each primitive its slot in leaf order; [`u32::MAX`] where it has none.
@@ -291,7 +296,8 @@ impl Scene {
     }
 }
 
-/// Why [`Scene::new`] refused its parts: but for memory always a defect of the builder, never of the caller's mesh.
+/// Why [`Scene::new`] refused its parts: but for memory always a defect of the builder, never of the caller's mesh. Or
+/// why [`Scene::with_masks`] or [`Scene::with_geometries`] refused what they were given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SceneError {
@@ -338,6 +344,18 @@ pub enum SceneError {
     },
     /// A path is longer than [`MAX_DEPTH`].
     TooDeep,
+    /// Not as many masks as primitives.
+    MaskCount {
+        /// Number of masks.
+        masks: usize,
+        /// Number of primitives.
+        primitives: u32,
+    },
+    /// First primitives of geometries that do not begin at 0, are not in order, or are beyond the last primitive.
+    Geometries {
+        /// The first of them that is wrong.
+        geometry: usize,
+    },
     /// There is no memory to check them.
     OutOfMemory {
         /// How many bytes it takes.
@@ -364,6 +382,13 @@ impl fmt::Display for SceneError {
                 "coordinates are scaled by 2^{exponent}, outside {} to {}",
                 SCALE_EXPONENTS.start(),
                 SCALE_EXPONENTS.end()
+            ),
+            Self::MaskCount { masks, primitives } => {
+                write!(f, "{masks} masks for {primitives} primitives: give one for each")
+            }
+            Self::Geometries { geometry } => write!(
+                f,
+                "geometry {geometry} does not begin where it could: give first primitives from 0 on, in order"
             ),
             Self::TooDeep => write!(f, "the tree is deeper than {MAX_DEPTH}"),
             Self::OutOfMemory { bytes } => write!(f, "no memory to check the tree: {bytes} bytes are needed"),

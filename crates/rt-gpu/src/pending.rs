@@ -37,10 +37,11 @@ pub(crate) enum How {
 impl How {
     pub(crate) const fn purpose(self) -> Purpose {
         match self {
-            Self::Trace(StreamSpec { query: Query::Closest, counts: false, .. }) => Purpose::Closest,
-            Self::Trace(StreamSpec { query: Query::Closest, counts: true, .. }) => Purpose::ClosestCounted,
             Self::Trace(StreamSpec { query: Query::Any, counts: false, .. }) => Purpose::Any,
             Self::Trace(StreamSpec { query: Query::Any, counts: true, .. }) => Purpose::AnyCounted,
+            // Several hits are refused where rays are loaded.
+            Self::Trace(StreamSpec { counts: false, .. }) => Purpose::Closest,
+            Self::Trace(StreamSpec { counts: true, .. }) => Purpose::ClosestCounted,
             Self::Reduced(_, purpose) => purpose,
         }
     }

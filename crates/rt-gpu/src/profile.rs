@@ -19,21 +19,25 @@ pub struct Profile {
     pub counters: Arc<RayCounters>,
 }
 
+/// What every card can do.
+pub(crate) fn capabilities() -> Capabilities {
+    Capabilities::UNKNOWN
+        .with_reduced_walks(&[ReducedWalk::LeafAsHit, ReducedWalk::Unshortened])
+        .with_counts(Counted::SceneTree)
+        .with_defined_bits()
+        .making_rays()
+}
+
 impl Profile {
     /// A card that `backend` reached, with `memory` bytes for scenes where that is known; without `layouts`,
     /// [`Layouts::USUAL`].
     #[must_use]
     pub fn new(backend: &'static str, memory: Option<u64>, card: Card, layouts: Option<Layouts>) -> Self {
-        let capabilities = Capabilities::UNKNOWN
-            .with_reduced_walks(&[ReducedWalk::LeafAsHit, ReducedWalk::Unshortened])
-            .with_counts(Counted::SceneTree)
-            .with_defined_bits()
-            .making_rays();
         // Neither API tells the number of units.
         let info = DeviceInfo::new(card.name.clone(), backend)
             .with_in_flight(IN_FLIGHT)
             .with_memory(memory)
-            .with_capabilities(capabilities);
+            .with_capabilities(capabilities());
         let layouts = layouts.unwrap_or(Layouts::USUAL);
         Self { card, info, layouts, tuning: Tuning::default(), counters: Arc::default() }
     }

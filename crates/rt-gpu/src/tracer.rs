@@ -2,11 +2,12 @@
 
 use crate::changes::changes;
 use crate::pending::{Answers, Finished, How, Part, Pending, finish};
+use crate::profile::capabilities;
 use crate::ray_generation::RayGeneration;
 use crate::ray_list::Sorter;
 use crate::{GpuApi, GpuScene, IN_FLIGHT, RayCounters, rays};
 use rt_bvh::kernel_io::KernelIo;
-use rt_core::arguments::{check_load, check_move, check_submit, check_walk, invalid, is_disbelieved};
+use rt_core::arguments::{check_load, check_move, check_spec, check_submit, check_walk, invalid, is_disbelieved};
 use rt_core::{
     Clock, DeviceError, DeviceErrorKind, Hit, Launch, RayMask, RaySource, ReducedWalk, Scene, Span, StreamSpec, Task,
     TestCounts, Ticket, Tracer, Traffic, Walk,
@@ -196,6 +197,7 @@ impl<A: GpuApi> Tracer for GpuTracer<A> {
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.open())?;
+        check_spec(&capabilities(), self.scene.given(), spec)?;
         (self.source, self.generation) = (no_rays(), None);
         self.api.reserve_rays(source.len())?;
         let io = KernelIo::new(self.scene.given());

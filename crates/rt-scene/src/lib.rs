@@ -26,4 +26,4 @@ pub mod streams;
 pub mod view;
 pub mod wind;
 
-pub use model::{Colours, Model, Plant, View};
+pub use model::{Colours, Geometry, Model, Plant, View};

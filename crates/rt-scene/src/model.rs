@@ -4,7 +4,7 @@ use crate::memory::{self, NoMemory};
 use crate::offset::Offset;
 use glam::{DVec3, Vec3};
 use rt_bvh::BuildError;
-use rt_core::{Aabb, Camera, CameraError, Triangle};
+use rt_core::{Aabb, Camera, CameraError, Scene, SceneError, Triangle};
 use std::ops::Range;
 
 /// Triangles as loaded or generated, in file order: the primitive id of a hit is an index into [`Model::indices`].
@@ -29,6 +29,20 @@ pub struct Model {
     pub has_floor: bool,
     /// What of it bends in the wind: see [`Wind`](crate::wind::Wind).
     pub plants: Vec<Plant>,
+    /// The parts that its source tells apart, in the order of their triangles: objects and groups of OBJ files, nodes
+    /// of glTF. None where it is one.
+    pub geometries: Vec<Geometry>,
+    /// A mask for each triangle ([`Scene::with_masks`]); none where all have all bits.
+    pub masks: Vec<u32>,
+}
+
+/// A part of a model: its triangles up to those of the next.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Geometry {
+    /// As its source calls it; several may have one name, or none.
+    pub name: String,
+    /// Its first triangle.
+    pub first: u32,
 }
 
 /// A part of a model that bends in the wind.
@@ -147,9 +161,29 @@ impl Model {
         self.palette.push(FLOOR);
         self.colour_of.resize(self.indices.len(), 0);
         self.colour_of.extend([colour; 2]);
+        let triangles = u32::try_from(self.indices.len()).unwrap_or(u32::MAX);
+        if self.geometries.is_empty() {
+            self.geometries.push(Geometry { name: String::new(), first: 0 });
+        }
+        self.geometries.push(Geometry { name: "floor".to_owned(), first: triangles });
+        if !self.masks.is_empty() {
+            self.masks.extend([u32::MAX; 2]);
+        }
         self.indices.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
         self.has_floor = true;
         Ok(())
+    }
+
+    /// A scene of its triangles with what the model knows of them beside: geometries and masks.
+    ///
+    /// # Errors
+    /// When these do not fit the triangles.
+    pub fn described(&self, scene: Scene) -> Result<Scene, SceneError> {
+        let scene = match &self.geometries[..] {
+            [] => scene,
+            geometries => scene.with_geometries(geometries.iter().map(|geometry| geometry.first).collect())?,
+        };
+        if self.masks.is_empty() { Ok(scene) } else { scene.with_masks(self.masks.clone()) }
     }
 
     /// Triangles without a floor that was put under them.
@@ -212,6 +246,8 @@ mod tests {
         assert_eq!(crate::view::auto_view(&model, 1.6), before);
         model.add_floor().unwrap();
         assert_eq!(model.indices.len(), 3);
+        let names: Vec<&str> = model.geometries.iter().map(|geometry| geometry.name.as_str()).collect();
+        assert_eq!((names, model.geometries[1].first), (vec!["", "floor"], 1));
         let mut nothing = Model::default();
         nothing.add_floor().unwrap();
         assert!(nothing.indices.is_empty());

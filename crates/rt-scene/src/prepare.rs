@@ -11,7 +11,7 @@ use crate::streams::{Paths, Sun};
 use crate::{Model, View, builtin, scenes, view};
 use rt_bvh::{BuildError, BuildOptions, Builder, Built, InvalidTriangles, Mesh, Stack};
 use rt_core::bounce::Surfaces;
-use rt_core::{CameraError, Hit, Precision, Ray, Scene, StreamSpec};
+use rt_core::{CameraError, Hit, Precision, Ray, Scene, SceneError, StreamSpec};
 use std::error::Error;
 use std::fmt;
 use std::fs;
@@ -159,6 +159,11 @@ fn finish(
             source => PrepareError::Build { scene: model.source.clone(), source },
         },
     )?;
+    let Built { scene, report } = built;
+    // Nobody else has it yet, so nothing is copied.
+    let scene = model.described(Arc::unwrap_or_clone(scene));
+    let scene = scene.map_err(|source| PrepareError::Parts { scene: model.source.clone(), source })?;
+    let built = Built { scene: Arc::new(scene), report };
     plan.complete(&built.scene);
     let build_s = start.elapsed().as_secs_f64();
 
@@ -263,6 +268,13 @@ pub enum PrepareError {
         /// Why.
         source: BuildError,
     },
+    /// Masks or geometries of a model do not fit its triangles.
+    Parts {
+        /// Where the triangles come from.
+        scene: String,
+        /// Why.
+        source: SceneError,
+    },
 }
 
 impl fmt::Display for PrepareError {
@@ -274,6 +286,7 @@ impl fmt::Display for PrepareError {
             }
             Self::Load(error) => error.fmt(f),
             Self::Build { scene, .. } => write!(f, "building the tree of {scene}"),
+            Self::Parts { scene, .. } => write!(f, "masks and geometries of {scene}"),
         }
     }
 }
@@ -282,6 +295,7 @@ impl Error for PrepareError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         match self {
             Self::Build { source, .. } => Some(source),
+            Self::Parts { source, .. } => Some(source),
             // The message of a load error says all that its cause does.
             Self::Unknown { .. } | Self::Load(_) => None,
         }

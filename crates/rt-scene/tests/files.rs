@@ -196,6 +196,22 @@ fn gltf_is_read_with_its_nodes_in_their_places() {
     assert_eq!((corners(&loaded), loaded.libraries.len()), (two_squares(), 1));
 }
 
+/// Mutants: a part for a node without triangles; the mesh's name before the node's; parts that begin where the others
+/// do.
+#[test]
+fn nodes_are_parts_with_their_names() {
+    let parts = |json: String| {
+        let loaded = load(json.as_bytes()).unwrap();
+        loaded.model.geometries.into_iter().map(|part| (part.name, part.first)).collect::<Vec<_>>()
+    };
+    assert_eq!(parts(embedded()), [("node 0".to_owned(), 0), ("node 1".to_owned(), 2)]);
+    let named = embedded()
+        .replace(r#"{"mesh": 0, "scale""#, r#"{"mesh": 0, "name": "large", "scale""#)
+        .replace(r#""meshes": [{"#, r#""meshes": [{"name": "square", "#);
+    assert_eq!(parts(named), [("square".to_owned(), 0), ("large".to_owned(), 2)]);
+    assert!(load(&stl_binary("solid")).unwrap().model.geometries.is_empty());
+}
+
 /// Strips and fans, with and without indices.
 #[test]
 fn gltf_strips_turn_every_second_triangle() {

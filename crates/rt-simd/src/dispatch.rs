@@ -43,8 +43,8 @@ impl Found {
     /// Traces a batch.
     pub(crate) fn trace(self, batch: Batch<'_>) {
         match (batch.query, batch.scattered) {
-            (Query::Closest, false) => self.run(Tracing::<false, false>(batch)),
-            (Query::Closest, true) => self.run(Tracing::<false, true>(batch)),
+            (Query::Closest | Query::All { .. }, false) => self.run(Tracing::<false, false>(batch)),
+            (Query::Closest | Query::All { .. }, true) => self.run(Tracing::<false, true>(batch)),
             (Query::Any, false) => self.run(Tracing::<true, false>(batch)),
             (Query::Any, true) => self.run(Tracing::<true, true>(batch)),
         }

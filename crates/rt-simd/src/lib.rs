@@ -138,9 +138,10 @@ impl Kernel {
     /// Traces rays, and writes the hit of each where it is in the order of the rays; `excluded` holds the primitive
     /// that each starts on and must not hit (`u32::MAX`: none), or nothing. Invalid rays miss.
     ///
-    /// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the
-    /// candidates, and which one depends on the other rays. What is said of the rays' `coherence` costs time where it
-    /// is wrong, less than twice as much, and changes no nearest hit.
+    /// With [`Query::Closest`] ties go to the lowest primitive id; so with [`Query::All`], of which the nearest is
+    /// found here. With [`Query::Any`] the hit is one of the candidates, and which one depends on the other rays. What
+    /// is said of the rays' `coherence` costs time where it is wrong, less than twice as much, and changes no nearest
+    /// hit.
     ///
     /// # Panics
     /// When `hits` is not as long as `rays`, or `excluded` neither that nor empty.

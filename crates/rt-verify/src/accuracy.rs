@@ -140,7 +140,9 @@ pub fn sample(triangles: &[Triangle], rays: &[(Ray, u32)], hits: &[Hit], query: 
     let (mut ambiguous, mut wrong, mut wrong_ambiguous) = (0, 0, 0);
     for (verdict, hit) in verdicts.iter().zip(hits) {
         let right = match query {
-            Query::Closest => verdict.right().map_or(u32::MAX, |right| right.primitive) == hit.primitive,
+            Query::Closest | Query::All { .. } => {
+                verdict.right().map_or(u32::MAX, |right| right.primitive) == hit.primitive
+            }
             Query::Any => verdict.right().is_some() == hit.is_hit(),
         };
         ambiguous += u64::from(verdict.is_ambiguous());

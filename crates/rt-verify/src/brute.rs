@@ -23,6 +23,16 @@ pub fn any(triangles: &[Triangle], ray: &Ray, origin: u32) -> bool {
     hits(triangles, 0..triangles.len() as u32, ray, origin).next().is_some()
 }
 
+/// Every hit of `ray` with what `shows` of the triangles, but for the triangle `origin`: in order of distance, and of
+/// ids where that is the same.
+#[must_use]
+pub fn all(triangles: &[Triangle], ray: &Ray, origin: u32, shows: impl Fn(u32) -> bool) -> Vec<Hit> {
+    let ids = (0..triangles.len() as u32).filter(|&id| shows(id));
+    let mut all: Vec<Hit> = hits(triangles, ids, ray, origin).collect();
+    all.sort_by(|a, b| a.t.total_cmp(&b.t).then(a.primitive.cmp(&b.primitive)));
+    all
+}
+
 fn hits(
     triangles: &[Triangle],
     ids: impl IntoIterator<Item = u32>,
@@ -58,5 +68,9 @@ mod tests {
         assert_eq!(closest(&triangles, &ray.with_range(1.5, 9.0), u32::MAX).primitive, 0);
         assert_eq!(closest(&triangles, &ray.with_range(1.5, 1.6), u32::MAX), Hit::MISS);
         assert!(any(&triangles, &ray, 1) && !any(&triangles[..1], &ray, 0));
+        let ids = |origin, hidden| {
+            all(&triangles, &ray, origin, |id| id != hidden).iter().map(|hit| hit.primitive).collect::<Vec<_>>()
+        };
+        assert_eq!((ids(u32::MAX, 9), ids(1, 9), ids(1, 2)), (vec![1, 2, 0], vec![2, 0], vec![0]));
     }
 }

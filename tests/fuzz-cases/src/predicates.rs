@@ -96,7 +96,7 @@ fn scene(triangles: &[Triangle], rays: &[(Ray, u32)]) {
                 rt_bvh::trace(&scene, &mut stack, spec, rays.iter().copied(), |hit, _| hits.push(hit));
                 for ((hit, verdict), (ray, _)) in hits.iter().zip(&verdicts).zip(rays) {
                     let right = match query {
-                        Query::Closest => verdict.is_right(hit),
+                        Query::Closest | Query::All { .. } => verdict.is_right(hit),
                         Query::Any => verdict.right().is_some() == hit.is_hit(),
                     };
                     assert!(right, "{builder}, {precision:?}, {query:?}: {ray:?}: {hit:?}, but {verdict}");

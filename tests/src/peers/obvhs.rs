@@ -132,12 +132,16 @@ impl Peer for Obvhs {
             t
         };
         match (tree, query) {
-            (Tree::Bvh2(tree), Query::Closest) => _ = tree.ray_traverse(given, &mut found, nearest),
-            (Tree::CwBvh(tree), Query::Closest) => _ = tree.ray_traverse(given, &mut found, nearest),
+            (Tree::Bvh2(tree), Query::Closest | Query::All { .. }) => _ = tree.ray_traverse(given, &mut found, nearest),
+            (Tree::CwBvh(tree), Query::Closest | Query::All { .. }) => {
+                _ = tree.ray_traverse(given, &mut found, nearest)
+            }
             (Tree::Bvh2(tree), Query::Any) => _ = tree.ray_traverse_miss(given, first),
             (Tree::CwBvh(tree), Query::Any) => _ = tree.ray_traverse_miss(given, first),
         }
-        let (Query::Closest, Some(triangle)) = (query, self.triangles.get(found.primitive_id as usize)) else {
+        let (Query::Closest | Query::All { .. }, Some(triangle)) =
+            (query, self.triangles.get(found.primitive_id as usize))
+        else {
             return Ok(any);
         };
         let weights = triangle.compute_barycentric(&given);

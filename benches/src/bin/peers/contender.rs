@@ -157,7 +157,9 @@ fn single(mesh: &Mesh, rays: &[Ray], query: Query, keep: bool) -> Run {
         let begin = processor_time();
         for ray in &given {
             traced.push(match query {
-                Query::Closest => mesh.closest(*ray).map_or(Traced::Miss, |found| Traced::At(found.ray.tfar)),
+                Query::Closest | Query::All { .. } => {
+                    mesh.closest(*ray).map_or(Traced::Miss, |found| Traced::At(found.ray.tfar))
+                }
                 Query::Any if mesh.is_occluded(*ray) => Traced::Hit,
                 Query::Any => Traced::Miss,
             });
@@ -184,7 +186,7 @@ fn packets(mesh: &Mesh, flags: RTCRayQueryFlags, rays: &[Ray], query: Query, kee
         let begin = processor_time();
         for packet in &mut *used {
             match query {
-                Query::Closest => mesh.closest_16(packet, flags),
+                Query::Closest | Query::All { .. } => mesh.closest_16(packet, flags),
                 Query::Any => mesh.occluded_16(&mut packet.ray, flags),
             }
         }
@@ -200,7 +202,7 @@ fn packets(mesh: &Mesh, flags: RTCRayQueryFlags, rays: &[Ray], query: Query, kee
 fn answer(packet: &RTCRayHit16, slot: usize, query: Query) -> Traced {
     match query {
         Query::Closest if packet.hit.geomID[slot] == RTC_INVALID_GEOMETRY_ID => Traced::Miss,
-        Query::Closest => Traced::At(packet.ray.tfar[slot]),
+        Query::Closest | Query::All { .. } => Traced::At(packet.ray.tfar[slot]),
         Query::Any if packet.ray.tfar[slot] == f32::NEG_INFINITY => Traced::Hit,
         Query::Any => Traced::Miss,
     }

@@ -123,7 +123,7 @@ fn compare(
 /// Whether the answers to a ray differ.
 fn differ(ours: &Hit, theirs: u32, query: Query) -> bool {
     match query {
-        Query::Closest => ours.primitive != theirs,
+        Query::Closest | Query::All { .. } => ours.primitive != theirs,
         Query::Any => ours.is_hit() != (theirs != u32::MAX),
     }
 }

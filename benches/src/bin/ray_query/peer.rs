@@ -197,7 +197,7 @@ impl Peer {
         let resources = [tree.scene.as_binding(), rays.as_entire_binding(), found.as_entire_binding()];
         let entries: Vec<wgpu::BindGroupEntry<'_>> =
             (0..).zip(resources).map(|(binding, resource)| wgpu::BindGroupEntry { binding, resource }).collect();
-        let layout = self.kernels[query as usize].get_bind_group_layout(0);
+        let layout = self.kernels[usize::from(query == Query::Any)].get_bind_group_layout(0);
         let bindings = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: None,
             layout: &layout,
@@ -224,7 +224,7 @@ impl Peer {
             end_of_pass_write_index: Some(1),
         });
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes });
-        pass.set_pipeline(&self.kernels[rays.query as usize]);
+        pass.set_pipeline(&self.kernels[usize::from(rays.query == Query::Any)]);
         pass.set_bind_group(0, &rays.bindings, &[]);
         pass.dispatch_workgroups(rays.count.min(self.row).div_ceil(LANES), rays.count.div_ceil(self.row), 1);
         drop(pass);

@@ -4,6 +4,7 @@ mod bounds;
 mod draft;
 mod fit;
 mod gather;
+mod meshes;
 mod ploc;
 mod refit;
 mod reinsert;
@@ -22,6 +23,7 @@ use fit::fit;
 use gather::{Gathered, Reference};
 use rt_core::{Node, Scene, SceneError, SceneParts};
 
+pub use meshes::build_meshes;
 pub use refit::refit;
 
 /// Builds a scene from `mesh`.
@@ -264,6 +266,17 @@ pub enum BuildError {
         /// Number of vertices there are.
         vertices: usize,
     },
+    /// A triangle of one of several meshes names a vertex that the mesh does not have.
+    IndexInMesh {
+        /// The mesh, from 0.
+        mesh: u32,
+        /// The triangle, in its mesh.
+        triangle: u32,
+        /// The index it names.
+        index: u32,
+        /// Number of vertices of the mesh.
+        vertices: usize,
+    },
     /// Triangles have NaN or infinite coordinates.
     NotFinite {
         /// The first of them.
@@ -295,6 +308,10 @@ impl fmt::Display for BuildError {
             Self::IndexOutOfRange { triangle, index, vertices } => {
                 write!(f, "triangle {triangle} names vertex {index}, but there are only {vertices} vertices")
             }
+            Self::IndexInMesh { mesh, triangle, index, vertices } => write!(
+                f,
+                "mesh {mesh}: triangle {triangle} names vertex {index}, but the mesh has only {vertices} vertices"
+            ),
             Self::NotFinite { first, triangles } => write!(
                 f,
                 "triangle {first} has a NaN or infinite coordinate ({triangles} such in all): mend the mesh, or have \

@@ -12,6 +12,7 @@
 //! precision ([`Precision::Fast`]) has hits that do not exist, and then promises nothing of the kind.
 
 pub mod kernel_io;
+mod several;
 mod slabs;
 mod stack;
 mod triangle;
@@ -19,13 +20,14 @@ mod visitor;
 mod walk;
 mod wide;
 
+pub use several::trace_several;
 pub use stack::Stack;
 
 use crate::wide::WideTree;
 use rt_core::{Hit, Precision, Query, Ray, ReducedWalk, Scene, StreamSpec, TestCounts, Walk};
 use triangle::{Double, Fast, Robust, TriangleTest};
 use visitor::{Nearest, Reduced};
-use walk::Visitor;
+use walk::RayVisitor;
 
 /// Traces rays and hands each one's hit to `sink`, in order.
 ///
@@ -33,16 +35,23 @@ use walk::Visitor;
 /// unless `spec.counts` asks for them. An invalid ray (see [`Ray::is_valid`]) misses with zero counts.
 ///
 /// With [`Query::Closest`] ties go to the lowest primitive id. With [`Query::Any`] the hit is one of the candidates.
-pub fn trace<R, S>(scene: &Scene, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
+/// With [`Query::All`] it is the nearest: [`trace_several`] finds the others as well.
+pub fn trace<R, S>(scene: &Scene, stack: &mut Stack, spec: StreamSpec, rays: R, mut sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
-    trace_over(scene, stack, spec, rays, sink);
+    if scene.hides(spec.mask) {
+        // Nobody but such a stream pays for masks: the kernels below know none.
+        let query = if spec.query == Query::Any { Query::Any } else { Query::Closest };
+        trace_several(scene, stack, StreamSpec { query, ..spec }, rays, |hits, counts| sink(hits[0], counts));
+    } else {
+        trace_over(scene, stack, spec, rays, sink);
+    }
 }
 
 /// [`trace`] over the wide layout: the same hits, other counts, and with [`Query::Any`] maybe another of the
-/// candidates.
+/// candidates. It knows no masks: [`Scene::hides`] tells whether a stream needs them.
 pub fn trace_wide<R, S>(tree: &WideTree, stack: &mut Stack, spec: StreamSpec, rays: R, sink: S)
 where
     R: Iterator<Item = (Ray, u32)>,
@@ -79,7 +88,7 @@ trait Layout {
     /// Walks every ray with a visitor of its own.
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: RayVisitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts);
 }
@@ -87,7 +96,7 @@ trait Layout {
 impl Layout for Scene {
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: RayVisitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -98,7 +107,7 @@ impl Layout for Scene {
 impl Layout for WideTree {
     fn each<'a, V, R, S>(&'a self, stack: &mut Stack, rays: R, sink: S)
     where
-        V: Visitor<'a>,
+        V: RayVisitor<'a>,
         R: Iterator<Item = (Ray, u32)>,
         S: FnMut(Hit, TestCounts),
     {
@@ -146,8 +155,8 @@ where
     S: FnMut(Hit, TestCounts),
 {
     match (query, counts) {
-        (Query::Closest, false) => layout.each::<Nearest<T, false, false>, R, S>(stack, rays, sink),
-        (Query::Closest, true) => layout.each::<Nearest<T, false, true>, R, S>(stack, rays, sink),
+        (Query::Closest | Query::All { .. }, false) => layout.each::<Nearest<T, false, false>, R, S>(stack, rays, sink),
+        (Query::Closest | Query::All { .. }, true) => layout.each::<Nearest<T, false, true>, R, S>(stack, rays, sink),
         (Query::Any, false) => layout.each::<Nearest<T, true, false>, R, S>(stack, rays, sink),
         (Query::Any, true) => layout.each::<Nearest<T, true, true>, R, S>(stack, rays, sink),
     }

@@ -2,7 +2,7 @@
 
 use super::slabs::LocalRay;
 use super::triangle::TriangleTest;
-use super::walk::Visitor;
+use super::walk::{RayVisitor, Visitor};
 use core::ops::ControlFlow;
 use rt_core::intersect::Intersection;
 use rt_core::{Hit, Scene, TestCounts};
@@ -45,13 +45,7 @@ impl Found<'_> {
     }
 }
 
-impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Nearest<'a, T, ANY, COUNT> {
-    #[inline]
-    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
-        let (test, limit) = (T::new(&ray), ray.local_limit(ray.given.tmax));
-        Self { test, found: Found { scene, ray, excluded, best: Hit::MISS, limit }, counts: TestCounts::default() }
-    }
-
+impl<T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor for Nearest<'_, T, ANY, COUNT> {
     #[inline(always)]
     fn ray(&self) -> &LocalRay {
         &self.found.ray
@@ -86,6 +80,14 @@ impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> Visitor<'a> for Ne
         }
         flow
     }
+}
+
+impl<'a, T: TriangleTest, const ANY: bool, const COUNT: bool> RayVisitor<'a> for Nearest<'a, T, ANY, COUNT> {
+    #[inline]
+    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self {
+        let (test, limit) = (T::new(&ray), ray.local_limit(ray.given.tmax));
+        Self { test, found: Found { scene, ray, excluded, best: Hit::MISS, limit }, counts: TestCounts::default() }
+    }
 
     #[inline]
     fn finish(self) -> (Hit, TestCounts) {
@@ -100,12 +102,7 @@ pub(super) struct Reduced<const CUT: bool> {
     counts: TestCounts,
 }
 
-impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
-    #[inline]
-    fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
-        Self { limit: ray.local_limit(ray.given.tmax), ray, counts: TestCounts::default() }
-    }
-
+impl<const CUT: bool> Visitor for Reduced<CUT> {
     #[inline(always)]
     fn ray(&self) -> &LocalRay {
         &self.ray
@@ -129,6 +126,13 @@ impl<'a, const CUT: bool> Visitor<'a> for Reduced<CUT> {
             self.limit = entry;
         }
         ControlFlow::Continue(())
+    }
+}
+
+impl<'a, const CUT: bool> RayVisitor<'a> for Reduced<CUT> {
+    #[inline]
+    fn begin(_scene: &'a Scene, ray: LocalRay, _excluded: u32) -> Self {
+        Self { limit: ray.local_limit(ray.given.tmax), ray, counts: TestCounts::default() }
     }
 
     #[inline]

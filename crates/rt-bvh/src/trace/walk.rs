@@ -6,10 +6,7 @@ use core::ops::ControlFlow;
 use rt_core::{Child, Hit, Node, Ray, Scene, TestCounts};
 
 /// What a traversal does along its way. Every kind of traversal is one of these over the same loop.
-pub(super) trait Visitor<'a>: Sized {
-    /// Begins a ray that must not hit the primitive `excluded`.
-    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
-
+pub(super) trait Visitor {
     /// The ray.
     fn ray(&self) -> &LocalRay;
 
@@ -22,6 +19,12 @@ pub(super) trait Visitor<'a>: Sized {
     /// The ray entered the box of the leaf that holds triangles `first .. first + count`, at local distance `entry`.
     /// `Break` ends the ray.
     fn leaf(&mut self, entry: f32, first: u32, count: u32) -> ControlFlow<()>;
+}
+
+/// A visitor that a ray and the scene make, and that finds one hit at most.
+pub(super) trait RayVisitor<'a>: Visitor + Sized {
+    /// Begins a ray that must not hit the primitive `excluded`.
+    fn begin(scene: &'a Scene, ray: LocalRay, excluded: u32) -> Self;
 
     /// Ends a ray.
     fn finish(self) -> (Hit, TestCounts);
@@ -30,7 +33,7 @@ pub(super) trait Visitor<'a>: Sized {
 /// Walks every ray through the scene's tree with a visitor of its own.
 pub(super) fn each<'a, V, R, S>(scene: &'a Scene, stack: &mut Stack, rays: R, mut sink: S)
 where
-    V: Visitor<'a>,
+    V: RayVisitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
@@ -55,7 +58,7 @@ pub(super) fn is_whole(nodes: &[Node]) -> bool {
 
 /// Walks one ray. The stack fits the tree; `whole` is what [`is_whole`] says of it, asked once for all rays.
 #[inline(always)]
-pub(super) fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], whole: bool, stack: &mut Stack, visitor: &mut V) {
+pub(super) fn walk_nodes<V: Visitor>(nodes: &[Node], whole: bool, stack: &mut Stack, visitor: &mut V) {
     let start = if whole { Some(Pending::ROOT) } else { enter_part(&nodes[0], visitor) };
     if let Some(start) = start {
         // The visitor leaves the loop early when it knows the answer.
@@ -64,7 +67,7 @@ pub(super) fn walk_nodes<'a, V: Visitor<'a>>(nodes: &[Node], whole: bool, stack:
 }
 
 /// Enters a root that lacks a child: the loop below trusts that every node has two.
-fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pending> {
+fn enter_part<V: Visitor>(root: &Node, visitor: &mut V) -> Option<Pending> {
     let side = (0..2).find(|&side| root.child(side) != Child::Absent)?;
     visitor.boxes(1);
     let entry = visitor.ray().slabs.enter(&root.bounds[side], visitor.limit())?;
@@ -73,7 +76,7 @@ fn enter_part<'a, V: Visitor<'a>>(root: &Node, visitor: &mut V) -> Option<Pendin
 
 /// Visits what the ray enters, front to back.
 #[inline(always)]
-pub(super) fn walk<'a, V: Visitor<'a>>(
+pub(super) fn walk<V: Visitor>(
     nodes: &[Node],
     stack: &mut [Pending],
     start: Pending,

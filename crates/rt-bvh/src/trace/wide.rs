@@ -33,7 +33,7 @@
 use super::slabs::{Frame, LocalRay};
 use super::stack::{NodeGroup, Stack};
 use super::triangle::REACH;
-use super::walk::{Visitor, is_whole, walk_nodes};
+use super::walk::{RayVisitor, Visitor, is_whole, walk_nodes};
 use crate::collapse::WIDTH;
 use crate::wide::{WideNode, WideTree};
 use core::ops::ControlFlow;
@@ -60,7 +60,7 @@ struct WideSlabs {
 /// Walks every ray with a visitor of its own.
 pub(super) fn each<'a, V, R, S>(tree: &'a WideTree, stack: &mut Stack, rays: R, mut sink: S)
 where
-    V: Visitor<'a>,
+    V: RayVisitor<'a>,
     R: Iterator<Item = (Ray, u32)>,
     S: FnMut(Hit, TestCounts),
 {
@@ -87,7 +87,7 @@ where
 
 /// Visits what the ray enters, roughly front to back.
 #[inline(always)]
-fn walk<'a, V: Visitor<'a>>(
+fn walk<V: Visitor>(
     nodes: &[WideNode],
     stack: &mut [NodeGroup],
     slabs: &WideSlabs,

@@ -2,7 +2,8 @@
 
 use super::malformed;
 use super::soup::Soup;
-use crate::model::UNCOLOURED;
+use crate::memory::push;
+use crate::model::{Geometry, UNCOLOURED};
 use crate::obj::{Fault, LoadOptions, LoadStage, Watch, unwatched};
 use crate::progress::Meter;
 use crate::reading::read_file;
@@ -68,6 +69,7 @@ pub(super) fn parse(
         let place = above * Mat4::from_cols_array_2d(&node.transform().matrix()).as_dmat4();
         if let Some(mesh) = node.mesh() {
             reader.meshes += 1;
+            let before = reader.soup.triangles.len();
             for primitive in mesh.primitives() {
                 reader.primitive(&primitive, place).map_err(|fault| match fault {
                     Fault::Malformed { format, reason } => {
@@ -75,6 +77,10 @@ pub(super) fn parse(
                     }
                     fault => fault,
                 })?;
+            }
+            if reader.soup.triangles.len() > before {
+                let name = node.name().or(mesh.name()).map_or_else(|| format!("node {}", node.index()), str::to_owned);
+                push(&mut reader.soup.geometries, Geometry { name, first: before as u32 })?;
             }
         }
         let first = open.len();

@@ -1,7 +1,7 @@
 //! Triangles as a file gives them, before they become a model.
 
 use crate::memory::{grow, push, spare};
-use crate::model::UNCOLOURED;
+use crate::model::{Geometry, UNCOLOURED};
 use crate::obj::polygon::{self, Shape};
 use crate::obj::{Defect, Fault, LoadOptions, LoadStage, Loaded, MOST_VERTICES, Watch, offset_note};
 use crate::offset::Offset;
@@ -21,6 +21,8 @@ pub(super) struct Soup {
     pub(super) colour_of: Vec<u16>,
     pub(super) warnings: Vec<String>,
     pub(super) notes: Vec<String>,
+    /// Parts that have names; none where the file is one.
+    pub(super) geometries: Vec<Geometry>,
     /// Other files that were read.
     pub(super) files: Vec<PathBuf>,
     /// Points and lines that were skipped.
@@ -68,7 +70,9 @@ impl Soup {
     /// Places the vertices in single precision. Triangles with a vertex that is not there or not finite are an error,
     /// or are left out with their numbers kept.
     pub(super) fn into_model(self, name: &str, options: &LoadOptions, watch: &mut Watch<'_>) -> Result<Loaded, Fault> {
-        let Self { vertices, mut triangles, mut palette, colour_of, mut warnings, mut notes, files, .. } = self;
+        let Self {
+            vertices, mut triangles, mut palette, colour_of, mut warnings, mut notes, files, geometries, ..
+        } = self;
         if triangles.is_empty() {
             return Err(Fault::NoTriangles { vertices: vertices.len() as u64 });
         }
@@ -133,6 +137,7 @@ impl Soup {
                 palette,
                 colour_of,
                 offset,
+                geometries,
                 ..Model::default()
             },
         })

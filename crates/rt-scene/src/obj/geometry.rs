@@ -3,7 +3,7 @@
 use super::material::Uses;
 use super::number::{self, vertex_part};
 use super::polygon::{self, Shape};
-use super::statement::{Statement, Statements};
+use super::statement::{Name, Statement, Statements};
 use super::{Defect, Fault, LoadOptions};
 use crate::memory::{grow, push};
 use crate::progress::{LoadStage, Meter, Watch};
@@ -30,6 +30,8 @@ pub(super) struct Geometry<'a> {
     pub(super) doubtful: Vec<Doubtful>,
     /// Which triangle has which material.
     pub(super) uses: Uses<'a>,
+    /// What statements `o` and `g` tell apart, in order.
+    parts: Vec<Part<'a>>,
     /// Number of points (`p`).
     pub(super) points: u64,
     /// Number of lines (`l`).
@@ -45,7 +47,41 @@ pub(super) struct Geometry<'a> {
 impl Geometry<'_> {
     /// The same without names of materials, which are parts of the text.
     pub(super) fn without_text(self) -> Geometry<'static> {
-        Geometry { uses: Uses::default(), ..self }
+        Geometry { uses: Uses::default(), parts: Vec::new(), ..self }
+    }
+
+    /// The objects and groups that have triangles, by their names; none where all triangles are in one without a name.
+    pub(super) fn parts(&self) -> Vec<crate::Geometry> {
+        let end = self.triangles.len() as u32;
+        let named = self.parts.iter().filter(|part| part.first < end);
+        let mut parts: Vec<crate::Geometry> = named.map(Part::geometry).collect();
+        // What stands above the first of these statements.
+        if parts.first().is_some_and(|part| part.first > 0) {
+            parts.insert(0, crate::Geometry { name: String::new(), first: 0 });
+        }
+        if let [crate::Geometry { name, .. }] = &parts[..]
+            && name.is_empty()
+        {
+            parts.clear();
+        }
+        parts
+    }
+}
+
+/// Triangles of one object and group, up to the next part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Part<'a> {
+    first: u32,
+    object: Option<Name<'a>>,
+    group: Option<Name<'a>>,
+}
+
+impl Part<'_> {
+    fn geometry(&self) -> crate::Geometry {
+        let names = [self.object, self.group].into_iter().flatten().map(|name| name.text());
+        let mut names: Vec<_> = names.filter(|name| !name.is_empty()).collect();
+        names.dedup();
+        crate::Geometry { name: names.join("/"), first: self.first }
     }
 }
 
@@ -99,7 +135,8 @@ pub(super) fn parse<'a>(
     options: &'a LoadOptions,
     watch: &mut Watch<'_>,
 ) -> Result<Geometry<'a>, Fault> {
-    let mut parser = Parser { options, geometry: Geometry::default(), forward: Vec::new(), corners: Vec::new() };
+    let geometry = Geometry::default();
+    let mut parser = Parser { options, geometry, forward: Vec::new(), corners: Vec::new(), object: None, group: None };
     let bytes = text.len() as u64;
     let mut statements = Statements::new(text);
     let mut meter = Meter::begin(LoadStage::Parsing, bytes, watch)?;
@@ -117,6 +154,9 @@ struct Parser<'a> {
     forward: Vec<Forward>,
     /// Of the present face.
     corners: Vec<u32>,
+    /// What faces belong to.
+    object: Option<Name<'a>>,
+    group: Option<Name<'a>>,
 }
 
 impl<'a> Parser<'a> {
@@ -128,6 +168,14 @@ impl<'a> Parser<'a> {
             b"f" | b"F" | b"fo" => self.face(statement, None)?,
             b"p" | b"P" => self.geometry.points += 1,
             b"l" | b"L" => self.geometry.lines += 1,
+            b"o" | b"O" => {
+                (self.object, self.group) = (Some(statement.name()), None);
+                self.part()?;
+            }
+            b"g" | b"G" => {
+                self.group = Some(statement.name());
+                self.part()?;
+            }
             word if word.eq_ignore_ascii_case(b"usemtl") => {
                 let first = self.geometry.triangles.len() as u32;
                 self.geometry.uses.begin(first, statement.name(), statement.line)?;
@@ -136,8 +184,22 @@ impl<'a> Parser<'a> {
             // No keyword looks so: a blank is missing, or one that is not ASCII's.
             [b'v' | b'V', next, ..] if runs_on(*next) => self.vertex(statement, Some(number::defect(keyword)))?,
             [b'f' | b'F', next, ..] if runs_on(*next) => self.face(statement, Some(number::defect(keyword)))?,
-            // Normals, texture coordinates, groups, free-form surfaces and what other programs add: nothing we need.
+            // Normals, texture coordinates, free-form surfaces and what other programs add: nothing we need.
             _ => {}
+        }
+        Ok(())
+    }
+
+    /// Begins a part, unless faces go on with the one before. One without faces makes room for the next.
+    fn part(&mut self) -> Result<(), Fault> {
+        let Self { object, group, .. } = *self;
+        let Geometry { parts, triangles, .. } = &mut self.geometry;
+        let part = Part { first: triangles.len() as u32, object, group };
+        while parts.last().is_some_and(|last| last.first == part.first) {
+            parts.pop();
+        }
+        if parts.last().is_none_or(|last| (last.object, last.group) != (object, group)) {
+            push(parts, part)?;
         }
         Ok(())
     }

@@ -1,8 +1,8 @@
 //! Loading Wavefront OBJ files.
 //!
 //! What is read of the format, and what becomes of the rest, is listed in `docs/obj.md`. In short: vertices, faces and
-//! diffuse colours. All groups and objects of a file become one model, in file order; vertices that no face uses are
-//! not kept.
+//! diffuse colours. All groups and objects of a file become one model, in file order, and are its geometries; vertices
+//! that no face uses are not kept.
 //!
 //! **Ids.** A face of `n` corners has `n − 2` triangles, whose primitive ids follow each other, and those of the next
 //! face follow on them: in a file of triangles the id is the number of the `f` statement, counted from 0, and in a file
@@ -144,6 +144,7 @@ fn load(
         });
     }
     let colours = material::colour(&geometry.uses, name, geometry.triangles.len(), materials)?;
+    let geometries = geometry.parts();
     // The longest list of all is not needed any more.
     let mut geometry = geometry.without_text();
     drop(text);
@@ -167,6 +168,7 @@ fn load(
             palette: colours.palette,
             colour_of: colours.colour_of,
             offset: placed.offset,
+            geometries,
             ..Model::default()
         },
     })

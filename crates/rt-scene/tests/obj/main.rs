@@ -61,6 +61,27 @@ fn everything_usual_is_read() {
     assert!(loaded.warnings[0].contains("gone.mtl"), "{:?}", loaded.warnings);
 }
 
+/// Mutants: a part for a name without faces; faces above the first name lost; groups of the object before; one group in
+/// two parts where it is named twice in a row; a whole file without names taken for a part.
+#[test]
+fn objects_and_groups_are_parts() {
+    let parts = |text: &str| {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", text.replace('F', "f 1 2 3"));
+        let parts = good(text).model.geometries;
+        parts.into_iter().map(|part| (part.name, part.first)).collect::<Vec<_>>()
+    };
+    let named = |list: &[(&str, u32)]| list.iter().map(|&(name, first)| (name.to_owned(), first)).collect::<Vec<_>>();
+    assert_eq!(parts("F\nF"), named(&[]));
+    assert_eq!(parts("g\nF\ng\nF"), named(&[]));
+    assert_eq!(parts("o left wing\nF\nF"), named(&[("left wing", 0)]));
+    assert_eq!(
+        parts("F\no empty\no a\nF\ng b\nF\ng b\nF\nO c\nF\no d"),
+        named(&[("", 0), ("a", 1), ("a/b", 2), ("c", 4)])
+    );
+    assert_eq!(parts("g x\nF\ng y\ng x\nF"), named(&[("x", 0)]));
+    assert_eq!(parts("o x\ng x\nF\no y\nF\no x\nF"), named(&[("x", 0), ("y", 1), ("x", 2)]));
+}
+
 #[test]
 fn faces_may_stand_before_their_vertices_and_span_groups() {
     let loaded = good(

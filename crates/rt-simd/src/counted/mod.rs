@@ -95,7 +95,7 @@ impl<K: Kind> Work for Counting<'_, K> {
 /// Counts a batch.
 pub(crate) fn run(found: Found, batch: CountBatch<'_>) {
     match (batch.walk, batch.query) {
-        (Walk::Full, Query::Closest) => found.run(Counting::<Closest>(batch, PhantomData)),
+        (Walk::Full, Query::Closest | Query::All { .. }) => found.run(Counting::<Closest>(batch, PhantomData)),
         (Walk::Full, Query::Any) => found.run(Counting::<Any>(batch, PhantomData)),
         (Walk::Reduced(ReducedWalk::LeafAsHit), _) => found.run(Counting::<LeafAsHit>(batch, PhantomData)),
         (Walk::Reduced(ReducedWalk::Unshortened), _) => found.run(Counting::<Unshortened>(batch, PhantomData)),

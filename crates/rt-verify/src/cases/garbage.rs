@@ -199,7 +199,7 @@ fn trace(trial: &Trial<'_>, kind: Kind, number: u32, built: Built, triangles: &[
             return Some(format!("{query:?}: {ray:?}: {hit:?}"));
         }
         let right = |hit: &Hit, verdict: &Verdict| match query {
-            Query::Closest => verdict.is_right(hit),
+            Query::Closest | Query::All { .. } => verdict.is_right(hit),
             Query::Any => verdict.right().is_some() == hit.is_hit(),
         };
         let judged = hits.iter().zip(&verdicts).zip(&rays);

@@ -156,7 +156,7 @@ fn limits(trial: &Trial<'_>, tally: &mut Tally, behind: bool) {
         match trial.trace(&scene, &plain, query) {
             Ok(hits) => hits.iter().zip(&rays).for_each(|(hit, (ray, expected))| {
                 let right = match query {
-                    Query::Closest => hit.primitive == *expected,
+                    Query::Closest | Query::All { .. } => hit.primitive == *expected,
                     Query::Any => hit.is_hit() == (*expected != u32::MAX),
                 };
                 tally.check(right, || format!("{query:?}: {ray:?}: {hit:?}, not primitive {}", *expected as i32));

@@ -168,7 +168,7 @@ fn trace(
 /// layout.
 fn differing(query: Query, [two, wide]: &[Vec<Hit>; 2]) -> usize {
     let bits = |hit: &Hit| match query {
-        Query::Closest => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive],
+        Query::Closest | Query::All { .. } => [hit.t.to_bits(), hit.u.to_bits(), hit.v.to_bits(), hit.primitive],
         Query::Any => [u32::from(hit.is_hit()), 0, 0, 0],
     };
     two.len().abs_diff(wide.len()) + two.iter().zip(wide).filter(|(two, wide)| bits(two) != bits(wide)).count()
