@@ -49,19 +49,9 @@ pub(crate) fn requested() -> bool {
     REQUESTED.load(Ordering::Relaxed)
 }
 
-/// While it is there, what is whole is being saved, which the first signal does not cut short.
-pub(crate) struct Saving(());
-
-/// Begins to save what is whole.
-pub(crate) fn saving() -> Saving {
-    IS_SAVING.store(true, Ordering::Relaxed);
-    Saving(())
-}
-
-impl Drop for Saving {
-    fn drop(&mut self) {
-        IS_SAVING.store(false, Ordering::Relaxed);
-    }
+/// Says whether what is whole is being saved, which the first signal does not cut short.
+pub(crate) fn saving(is_saving: bool) {
+    IS_SAVING.store(is_saving, Ordering::Relaxed);
 }
 
 /// What a signal asks to end with, if one came.

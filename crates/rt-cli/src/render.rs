@@ -100,7 +100,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
     };
     let Session { scheduling, .. } = session;
     seconds.add_streams(&runs, animation.updates(), waves_s);
-    let (begin, saving) = (Instant::now(), interrupt::saving());
+    let begin = Instant::now();
+    interrupt::saving(true);
     drop(film);
     bar.stage("writing");
     let maps = costs.into_maps();
@@ -130,7 +131,8 @@ fn alone(args: &RenderArgs) -> Result<()> {
         let rendered = html::render::Rendered { report: &report, runs: &runs, maps: &maps, picture, files: &files };
         rendered.write(&args.out.join("report.html"))?;
     }
-    drop((bar, saving));
+    drop(bar);
+    interrupt::saving(false);
     if let Some(missing) = report.missing().filter(|_| interrupted) {
         note(format_args!("note: {missing}; what is whole is in {}", args.out.display()));
     }

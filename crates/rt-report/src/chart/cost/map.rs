@@ -300,7 +300,8 @@ impl CostMap {
     }
 
     /// The same without blanks, as channels of a file are called: `shadow_0`, or `frame_7.shadow_0`.
-    pub(crate) fn channel(&self) -> String {
+    #[must_use]
+    pub fn channel(&self) -> String {
         let frame = self.frame.as_ref().map_or_else(String::new, |(number, _)| format!("frame_{number}."));
         format!("{frame}{}", self.kind.replace(' ', "_"))
     }
