@@ -11,7 +11,7 @@
 
 from ._raybalance import DeviceError
 from ._run import Report, Run
-from ._scene import Scene
+from ._scene import Geometry, Scene
 from ._tracer import Tracer
 
-__all__ = ["DeviceError", "Report", "Run", "Scene", "Tracer"]
+__all__ = ["DeviceError", "Geometry", "Report", "Run", "Scene", "Tracer"]

@@ -68,6 +68,18 @@ def limit(name: str, value: ArrayLike, rays: int) -> float | NDArray[np.float32]
     return single(array)
 
 
+def masks(value: ArrayLike, count: int, what: str = "faces") -> NDArray[np.uint32]:
+    """`value` as that many masks of 32 bits."""
+    array = numbers("masks", value)
+    if array.shape != (count,):
+        raise ValueError(f"masks: shape {array.shape}, but there are {count} {what}: give one for each, ({count},)")
+    if array.dtype.kind == "f" and array.size:
+        raise TypeError(f"masks: {array.dtype} numbers are no bits; give integers, such as masks.astype(np.uint32)")
+    if array.size and not (0 <= int(array.min()) and int(array.max()) < 2**32):
+        raise ValueError(f"masks: {int(array.min())} to {int(array.max())} are not from 0 to 2**32 - 1")
+    return np.ascontiguousarray(array, dtype=np.uint32)
+
+
 def faces(value: ArrayLike, vertices: int) -> NDArray[np.uint32]:
     """Faces as M × 3 rows of the vertices there are."""
     array = numbers("faces", value)

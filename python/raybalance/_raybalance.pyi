@@ -12,7 +12,13 @@ def catalogue() -> tuple[list[str], list[str], list[str]]: ...
 class Scene:
     @staticmethod
     def of_arrays(
-        vertices: NDArray[Any], faces: NDArray[np.uint32], name: str, builder: str | None, drop_invalid: bool
+        vertices: NDArray[Any],
+        faces: NDArray[np.uint32],
+        name: str,
+        builder: str | None,
+        drop_invalid: bool,
+        geometries: list[tuple[str, int]],
+        masks: NDArray[np.uint32] | None,
     ) -> Scene: ...
     @staticmethod
     def load(path: str, builder: str | None, drop_invalid: bool) -> Scene: ...
@@ -24,6 +30,8 @@ class Scene:
     def offset(self) -> list[float]: ...
     @property
     def triangles(self) -> int: ...
+    @property
+    def geometries(self) -> list[tuple[str, int, int]]: ...
     @property
     def bounds(self) -> tuple[list[float], list[float]] | None: ...
     @property
@@ -54,7 +62,9 @@ class Tracer:
         directions: NDArray[np.float32],
         tmin: float | NDArray[np.float32],
         tmax: float | NDArray[np.float32],
-        any: bool,
+        query: str,
+        most: int,
+        mask: int,
         counts: bool,
         coherent: bool | None,
         invalid_miss: bool,

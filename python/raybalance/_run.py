@@ -61,13 +61,15 @@ class Run:
     """What tracing N rays brought.
 
     Arrays are in the order of the rays. `t`, `u`, `v` and `prim_id` are columns of one array; nothing is copied for
-    them.
+    them. Where all hits were asked for, up to K of each ray, these arrays, `hit`, `geom_id` and `normal` have K places
+    for each ray, N × K: its hits in order of distance, then misses.
     """
 
-    def __init__(self, native: _raybalance.Run, scene: Scene) -> None:
+    def __init__(self, native: _raybalance.Run, scene: Scene, places: int | None = None) -> None:
         self._native = native
         self._scene = scene
-        self._hits: NDArray[np.float32] = native.take_hits()
+        hits: NDArray[np.float32] = native.take_hits()
+        self._hits = hits if places is None else hits.reshape(-1, places, 4)
         self._counts: NDArray[np.uint32] | None = native.take_counts()
 
     def __len__(self) -> int:
@@ -77,22 +79,28 @@ class Run:
     @property
     def t(self) -> NDArray[np.float32]:
         """N distances in lengths of the rays' directions; infinite for a miss."""
-        return self._hits[:, 0]
+        return self._hits[..., 0]
 
     @property
     def u(self) -> NDArray[np.float32]:
         """N barycentric weights of the second vertex; 0 for a miss."""
-        return self._hits[:, 1]
+        return self._hits[..., 1]
 
     @property
     def v(self) -> NDArray[np.float32]:
         """N barycentric weights of the third vertex; 0 for a miss."""
-        return self._hits[:, 2]
+        return self._hits[..., 2]
 
     @property
     def prim_id(self) -> NDArray[np.int32]:
         """N rows of the scene's faces; −1 for a miss."""
-        return self._hits[:, 3].view(np.int32)
+        return self._hits[..., 3].view(np.int32)
+
+    @cached_property
+    def geom_id(self) -> NDArray[np.int32]:
+        """N positions in the scene's `geometries`; −1 for a miss."""
+        firsts = np.array([geometry.first for geometry in self._scene.geometries], dtype=np.int64)
+        return (np.searchsorted(firsts, self.prim_id, side="right") - 1).astype(np.int32)
 
     @property
     def hit(self) -> NDArray[np.bool_]:
@@ -102,7 +110,8 @@ class Run:
     @cached_property
     def normal(self) -> NDArray[np.float32]:
         """N × 3 unit normals of the triangles that were hit, by the right-hand rule; 0 for a miss."""
-        return self._scene._native.normals(self.prim_id)
+        ids = self.prim_id
+        return self._scene._native.normals(ids.reshape(-1)).reshape(*ids.shape, 3)
 
     @property
     def counts(self) -> NDArray[np.uint32] | None:

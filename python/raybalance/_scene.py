@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _arrays, _raybalance
+
+
+class Geometry(NamedTuple):
+    """A part of a scene: faces that follow each other."""
+
+    name: str
+    """As it was given, or as the file calls it; "" where it has none."""
+    first: int
+    """Its first face."""
+    count: int
+    """How many there are."""
 
 
 class Scene:
@@ -29,6 +41,8 @@ class Scene:
     invalid
         What to do with triangles that have NaN or infinite vertices: "raise", or "drop": no ray hits them, and the
         others keep their numbers.
+    masks
+        M integers of 32 bits: rays with `mask=…` pass by faces whose mask has none of its bits. None: all bits.
 
     Raises
     ------
@@ -44,13 +58,74 @@ class Scene:
         name: str = "arrays",
         builder: str | None = None,
         invalid: str = "raise",
+        masks: ArrayLike | None = None,
     ) -> None:
         points = _arrays.points("vertices", vertices)
-        corners = _arrays.faces(faces, len(points))
+        self._make(points, _arrays.faces(faces, len(points)), name, builder, invalid, [], masks)
+
+    def _make(
+        self,
+        points: NDArray[Any],
+        corners: NDArray[np.uint32],
+        name: str,
+        builder: str | None,
+        invalid: str,
+        geometries: list[tuple[str, int]],
+        masks: ArrayLike | None,
+    ) -> None:
         drop = _drops(invalid)
         if not drop:
             _check_finite(points, corners)
-        self._native = _raybalance.Scene.of_arrays(points, corners, name, builder, drop)
+        bits = None if masks is None else _arrays.masks(masks, len(corners))
+        self._native = _raybalance.Scene.of_arrays(points, corners, name, builder, drop, geometries, bits)
+
+    @classmethod
+    def of_meshes(
+        cls,
+        meshes: Mapping[str, Any] | Sequence[Any],
+        *,
+        name: str = "arrays",
+        builder: str | None = None,
+        invalid: str = "raise",
+        masks: ArrayLike | None = None,
+    ) -> Scene:
+        """One scene of several meshes, which are its `geometries`: a hit's `geom_id` says which, and its `prim_id` counts
+        faces of one mesh after the other.
+
+        Parameters
+        ----------
+        meshes
+            Meshes, or a dictionary of them by name. Each has `vertices` and `faces`, as trimesh's have, or is the two
+            of them.
+        masks
+            A mask for each mesh, or none.
+
+        The others, and what is raised, are as of `Scene`.
+        """
+        named = list(meshes.items()) if isinstance(meshes, Mapping) else [("", mesh) for mesh in meshes]
+        points, corners, geometries = [np.zeros((0, 3), np.float32)], [np.zeros((0, 3), np.uint32)], []
+        vertices = faces = 0
+        for number, (title, mesh) in enumerate(named):
+            try:
+                both = (mesh.vertices, mesh.faces) if hasattr(mesh, "faces") else tuple(mesh)
+                if len(both) != 2:
+                    raise ValueError(f"{len(both)} parts; give vertices and faces, or what has both")
+                own = _arrays.points("vertices", both[0])
+                triangles = _arrays.faces(both[1], len(own))
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"meshes[{title or number!r}]: {error}") from None
+            if vertices + len(own) >= 2**32 or faces + len(triangles) >= 2**32:
+                raise ValueError("meshes: more than 2**32 - 1 vertices or faces in all")
+            geometries.append((title, faces))
+            points.append(own)
+            corners.append(triangles + np.uint32(vertices))
+            vertices, faces = vertices + len(own), faces + len(triangles)
+        bits = None
+        if masks is not None:
+            bits = np.repeat(_arrays.masks(masks, len(named), "meshes"), [len(part) for part in corners[1:]])
+        scene = cls.__new__(cls)
+        scene._make(np.concatenate(points), np.concatenate(corners), name, builder, invalid, geometries, bits)
+        return scene
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, builder: str | None = None, invalid: str = "raise") -> Scene:
@@ -84,6 +159,12 @@ class Scene:
     def faces(self) -> NDArray[np.uint32]:
         """M × 3 rows of `vertices`, one for each triangle."""
         return self._native.faces()
+
+    @property
+    def geometries(self) -> list[Geometry]:
+        """What the scene is made of: the meshes that it was given, or objects, groups and nodes of its file. One, where it
+        is not told apart."""
+        return [Geometry(*each) for each in self._native.geometries]
 
     @property
     def offset(self) -> NDArray[np.float64]:

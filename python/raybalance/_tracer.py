@@ -95,6 +95,8 @@ class Tracer:
         tmax: ArrayLike = np.inf,
         *,
         query: str = "closest",
+        max_hits: int = 16,
+        mask: int = 0xFFFFFFFF,
         counts: bool = False,
         coherent: bool | None = None,
         invalid: str = "raise",
@@ -110,7 +112,13 @@ class Tracer:
         tmin, tmax
             One number for all rays, or N.
         query
-            "closest": the nearest hit, ties to the lowest id. "any": some hit, if there is one.
+            "closest": the nearest hit, ties to the lowest id. "any": some hit, if there is one. "all": every hit in order
+            of distance, ties in order of ids, up to `max_hits` of each ray; arrays of hits have so many places for each.
+        max_hits
+            Of `query="all"`. A ray whose last place is a hit may have more.
+        mask
+            32 bits: faces whose mask (`Scene(…, masks=…)`) has none of them are passed by. Processors trace such rays, and
+            those of "all"; graphics cards are left out.
         counts
             Whether to count box and triangle tests of each ray.
         coherent
@@ -129,8 +137,12 @@ class Tracer:
         KeyboardInterrupt
             After Ctrl-C.
         """
-        if query not in ("closest", "any"):
-            raise ValueError(f"query: {query!r} is neither 'closest' nor 'any'")
+        if query not in ("closest", "any", "all"):
+            raise ValueError(f"query: {query!r} is none of 'closest', 'any', 'all'")
+        if not 1 <= max_hits < 2**32:
+            raise ValueError(f"max_hits: {max_hits} is not from 1 to 2**32 - 1")
+        if not 0 <= mask < 2**32:
+            raise ValueError(f"mask: {mask} is not from 0 to 2**32 - 1")
         if invalid not in ("raise", "miss"):
             raise ValueError(f"invalid: {invalid!r} is neither 'raise' nor 'miss'")
         starts = _arrays.points("origins", origins)
@@ -145,7 +157,9 @@ class Tracer:
                 ways,
                 _arrays.limit("tmin", tmin, rays),
                 _arrays.limit("tmax", tmax, rays),
-                query == "any",
+                query,
+                max_hits,
+                mask,
                 counts,
                 coherent,
                 invalid == "miss",
@@ -154,7 +168,7 @@ class Tracer:
             if len(error.args) == 2:
                 raise ValueError(_invalid(starts, ways, *error.args)) from None
             raise
-        return Run(native, self._scene)
+        return Run(native, self._scene, max_hits if query == "all" else None)
 
     def compare(
         self,

@@ -68,7 +68,8 @@ impl Run {
 
 #[pymethods]
 impl Run {
-    /// The hits, N × 4: t, u, v and the bits of the primitive's id. They are handed over without a copy, once.
+    /// The hits, N × 4, or K for each ray where several were asked for: t, u, v and the bits of the primitive's id.
+    /// They are handed over without a copy, once.
     fn take_hits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let hits = std::mem::take(&mut *self.hits.lock().unwrap_or_else(PoisonError::into_inner));
         let rays = hits.len();

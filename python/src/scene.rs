@@ -8,9 +8,9 @@ use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyA
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use rt_balance::{BuildError, Builder, InvalidTriangles};
-use rt_scene::Model;
 use rt_scene::prepare::{self, Options, PrepareError, Prepared};
 use rt_scene::progress::{LoadProgress, Watch};
+use rt_scene::{Geometry, Model};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -52,8 +52,10 @@ fn prepared(
 
 #[pymethods]
 impl Scene {
-    /// A scene of arrays: `vertices` N × 3, `faces` M × 3 indices below N.
+    /// A scene of arrays: `vertices` N × 3, `faces` M × 3 indices below N. Geometries have a name and a first face, in
+    /// order; masks are M, or none.
     #[staticmethod]
+    #[expect(clippy::too_many_arguments, reason = "Python names them")]
     fn of_arrays(
         py: Python<'_>,
         vertices: Points<'_>,
@@ -61,10 +63,14 @@ impl Scene {
         name: String,
         builder: Option<&str>,
         drop_invalid: bool,
+        geometries: Vec<(String, u32)>,
+        masks: Option<PyReadonlyArray1<'_, u32>>,
     ) -> PyResult<Self> {
         let options = options(builder, drop_invalid)?;
         let indices = index_rows(&faces, "faces")?.to_vec();
         let refused = |source: BuildError| of_scene(&PrepareError::Build { scene: name.clone(), source });
+        let masks = masks.map(|masks| masks.as_array().to_vec()).unwrap_or_default();
+        let geometries = geometries.into_iter().map(|(name, first)| Geometry { name, first }).collect();
         let model = match &vertices {
             Points::Double(vertices) => {
                 Model::placed(name.as_str(), double_rows(vertices, "vertices")?, indices).map_err(refused)?
@@ -76,6 +82,7 @@ impl Scene {
                 ..Model::default()
             },
         };
+        let model = Model { geometries, masks, ..model };
         prepared(py, move |watch| prepare::prepare_model(model, &options, watch))
     }
 
@@ -116,6 +123,15 @@ impl Scene {
     #[getter]
     fn triangles(&self) -> usize {
         self.prepared.model.indices.len()
+    }
+
+    /// Name, first face and number of faces of each geometry.
+    #[getter]
+    fn geometries(&self) -> Vec<(&str, u32, u32)> {
+        let named = &self.prepared.model.geometries;
+        let name = |geometry: usize| named.get(geometry).map_or("", |geometry| geometry.name.as_str());
+        let ranges = self.prepared.built.scene.geometries();
+        ranges.enumerate().map(|(geometry, range)| (name(geometry), range.start, range.end - range.start)).collect()
     }
 
     /// Smallest and largest corner, in the coordinates that were given; `None` without triangles.

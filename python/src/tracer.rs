@@ -16,6 +16,7 @@ use rt_balance::{
     StreamSpec, TestCounts, with_causes,
 };
 use rt_scene::prepare::Prepared;
+use std::num::NonZero;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -119,7 +120,9 @@ impl Tracer {
         directions: PyReadonlyArray2<'_, f32>,
         tmin: Limit<'_>,
         tmax: Limit<'_>,
-        any: bool,
+        query: &str,
+        most: u32,
+        mask: u32,
         counts: bool,
         coherent: Option<bool>,
         invalid_miss: bool,
@@ -139,8 +142,13 @@ impl Tracer {
             Some(true) => Coherence::Coherent,
             Some(false) => Coherence::Incoherent,
         };
-        let query = if any { Query::Any } else { Query::Closest };
-        let spec = StreamSpec { coherence, ..StreamSpec::new(query, self.precision, counts) };
+        let query = match (query, NonZero::new(most)) {
+            ("closest", _) => Query::Closest,
+            ("any", _) => Query::Any,
+            ("all", Some(most)) => Query::All { most },
+            _ => return Err(PyValueError::new_err("query: none that there is")),
+        };
+        let spec = StreamSpec { coherence, mask, ..StreamSpec::new(query, self.precision, counts) };
         let source = RaySource::Explicit { rays, origins: None };
         let stream =
             Stream { seed: self.seed, ..Stream::new(source, StreamKind::Custom, spec).with_task_size(self.task_size) };
@@ -152,7 +160,9 @@ impl Tracer {
 impl Tracer {
     fn trace(&self, stream: &Stream, start: Instant, cancel: &AtomicBool) -> PyResult<Outcome> {
         let rays = stream.source.len() as usize;
-        let mut hits = filled(Hit::MISS, rays, "hits")?;
+        let places = rays.checked_mul(stream.spec.query.hits_per_ray());
+        let places = places.ok_or_else(|| PyMemoryError::new_err("max_hits: more than memory holds"))?;
+        let mut hits = filled(Hit::MISS, places, "hits")?;
         let mut counts = stream.spec.counts.then(|| filled(TestCounts::default(), rays, "counts")).transpose()?;
         // A panic in a run leaves the balancer as it was.
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);

@@ -70,6 +70,46 @@ def test_faces_that_are_no_numbers_can_be_dropped() -> None:
     assert len(raybalance.Scene(vertices, [[0, 1, 2]])) == 1
 
 
+def test_meshes_are_geometries_with_masks() -> None:
+    """Mutants: faces of the second mesh on vertices of the first; the number of a face for that of a mesh; masks of meshes
+    for those of faces."""
+    low = (TRIANGLE, [[0, 1, 2]] * 2)
+    high = (TRIANGLE.astype(np.float64) + [0, 0, 1], [[0, 1, 2]])
+    scene = raybalance.Scene.of_meshes({"low": low, "none": (TRIANGLE, []), "high": high}, masks=[1, 1, 2])
+    assert scene.geometries == [("low", 0, 2), ("none", 2, 0), ("high", 2, 1)]
+    assert scene.geometries[2].name == "high" and len(scene) == 3
+    tracer = raybalance.Tracer(scene, "cpu:1")
+    down = ([[0.2, 0.2, 2], [5, 5, 2]], [[0, 0, -1]])
+    run = tracer.run(*down)
+    assert run.geom_id.tolist() == [2, -1] and run.geom_id.dtype == np.int32 and run.prim_id.tolist() == [2, -1]
+    assert tracer.run(*down, mask=1).t.tolist() == [2, np.inf]
+    assert not tracer.run(*down, mask=4).hit.any()
+    several = tracer.run(*down, query="all", max_hits=4, mask=3)
+    assert several.geom_id.tolist() == [[2, 0, 0, -1], [-1] * 4]
+    faces = raybalance.Scene(TRIANGLE, [[0, 1, 2]] * 2, masks=[1, 2])
+    assert raybalance.Tracer(faces, "cpu:1").run([[0.2, 0.2, 2]], [[0, 0, -1]], mask=2).prim_id.tolist() == [1]
+    assert faces.geometries == [("", 0, 2)]
+    unnamed = raybalance.Scene.of_meshes([low, high])
+    assert [geometry.name for geometry in unnamed.geometries] == ["", ""]
+    for wrong, words in [
+        (lambda: raybalance.Scene.of_meshes({"low": (TRIANGLE, [[0, 1, 3]])}), ["meshes['low']", "faces", "vertex 3"]),
+        (lambda: raybalance.Scene.of_meshes([low, (TRIANGLE,)]), ["meshes[1]", "vertices and faces"]),
+        (lambda: raybalance.Scene.of_meshes([low, high], masks=[1]), ["masks", "2 meshes"]),
+        (lambda: raybalance.Scene(*low, masks=[1, 2, 3]), ["masks", "2 faces"]),
+        (lambda: raybalance.Scene(*low, masks=[1, 2**32]), ["masks", "2**32 - 1"]),
+        (lambda: raybalance.Scene(*low, masks=[0.5, 1]), ["masks", "integers"]),
+    ]:
+        with pytest.raises((TypeError, ValueError)) as raised:
+            wrong()
+        assert all(word in str(raised.value) for word in words), raised.value
+
+
+def test_objects_of_a_file_are_geometries(tmp_path: Path) -> None:
+    obj = tmp_path / "two.obj"
+    obj.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\no left\nf 1 2 3\no right\nf 1 2 3\nf 1 3 2\n")
+    assert raybalance.Scene.load(obj).geometries == [("left", 0, 1), ("right", 1, 2)]
+
+
 def test_far_from_the_origin_double_precision_keeps_its_digits() -> None:
     """Mutants: the offset left out of the origins, or subtracted after they are rounded."""
     far = np.array([4e6, -3e6, 2e6])

@@ -94,6 +94,26 @@ def test_any_hit_agrees_on_whether(tracer, rays) -> None:
     assert np.array_equal(tracer.run(*rays, query="any").hit, tracer.run(*rays).hit)
 
 
+def test_all_hits_come_in_order(tracer, rays) -> None:
+    """Mutants: places of one ray given to another; the nearest hit last; misses in front of hits."""
+    origins, directions = rays
+    run = tracer.run(*rays, query="all", max_hits=3)
+    assert run.t.shape == run.prim_id.shape == run.hit.shape == (5000, 3) and len(run) == 5000
+    nearest = tracer.run(*rays)
+    assert np.array_equal(run.prim_id[:, 0], nearest.prim_id) and np.array_equal(run.t[:, 0], nearest.t)
+    # A ball is met where a ray goes in and where it comes out, but at an edge.
+    assert set(np.unique(run.hit.sum(axis=1))) <= {0, 2, 3} and (run.hit.sum(axis=1) == 2).sum() > 1000
+    assert (run.t[:, 1] >= run.t[:, 0]).all() and (run.hit[:, :-1] >= run.hit[:, 1:]).all()
+    beyond = tracer.run(*rays, tmin=np.nextafter(nearest.t, np.float32(np.inf)))
+    alone = run.hit.sum(axis=1) == 2
+    assert np.array_equal(run.prim_id[alone, 1], beyond.prim_id[alone])
+    assert run.normal.shape == (5000, 3, 3) and run.geom_id.shape == (5000, 3)
+    inward = np.einsum("ij,ij->i", run.normal[alone, 0], directions[alone])
+    outward = np.einsum("ij,ij->i", run.normal[alone, 1], directions[alone])
+    assert (inward < 0).all() and (outward > 0).all()
+    assert tracer.run([], [], query="all", max_hits=5).t.shape == (0, 5)
+
+
 def test_settings_change_no_hit(ball, rays) -> None:
     want = raybalance.Tracer(ball, "cpu:1").run(*rays)
     for settings in [
@@ -191,7 +211,9 @@ ROW = [[0.0, 0.0, 3.0]]
         ((np.zeros((2, 2, 3)), ROW), {}, ValueError, ["origins.reshape(-1, 3)"]),
         ((ROW * 2, ROW), {"tmax": [1, 2, 3]}, ValueError, ["tmax", "(3,)", "(2,)"]),
         ((ROW, ROW), {"tmin": "near"}, TypeError, ["tmin"]),
-        ((ROW, ROW), {"query": "all"}, ValueError, ["query", "'closest'"]),
+        ((ROW, ROW), {"query": "every"}, ValueError, ["query", "'closest'"]),
+        ((ROW, ROW), {"query": "all", "max_hits": 0}, ValueError, ["max_hits"]),
+        ((ROW, ROW), {"mask": -1}, ValueError, ["mask"]),
         ((ROW, ROW), {"invalid": "keep"}, ValueError, ["invalid"]),
     ],
 )
