@@ -172,6 +172,7 @@ mod tests {
     #[test]
     fn a_device_that_says_everything_is_spared_nothing() {
         let everything = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
+        let everything = everything.with_all_hits().with_masks();
         let nothing = Capabilities::UNKNOWN
             .with_counts(Counted::Nothing)
             .with_precisions(&[Precision::Robust])
