@@ -326,6 +326,11 @@ impl FakeTracer {
         let sink = |hit, counts| answer = (hit, counts);
         let rays = std::iter::once((ray, origin));
         match (walk, &self.wide) {
+            // Counting knows no masks.
+            (Some(Walk::Full), None) if self.scene.hides(self.spec.mask) => {
+                let spec = StreamSpec { query: Query::Closest, counts: true, ..self.spec };
+                rt_bvh::trace(&self.scene, stack, spec, rays, sink);
+            }
             (Some(walk), None) => rt_bvh::count(&self.scene, stack, walk, self.spec.precision, rays, sink),
             (None, None) => rt_bvh::trace(&self.scene, stack, self.spec, rays, sink),
             (Some(walk), Some(tree)) => rt_bvh::count_wide(tree, stack, walk, self.spec.precision, rays, sink),
