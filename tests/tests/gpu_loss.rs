@@ -87,6 +87,9 @@ const CASES: [(&str, Case); 8] = [
 
 fn main() {
     let arguments = Arguments::from_args();
+    // One after the other: where devices hang, are lost and come and go at the same time, software drivers have crashed
+    // (twice in some twenty runs of all tests, a call of nothing within one of their threads).
+    let arguments = Arguments { test_threads: arguments.test_threads.or(Some(1)), ..arguments };
     let mut all: Vec<Trial> = BACKENDS.into_iter().flat_map(trials).collect();
     all.extend([
         Trial::ignorable_test("races_are_seen_by_the_validation_layer", races).with_kind("vulkan"),
