@@ -171,8 +171,8 @@ mod tests {
     /// Mutants: a need that nobody meets, so that its cases never run; one that everybody meets.
     #[test]
     fn a_device_that_says_everything_is_spared_nothing() {
-        let everything = Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits();
-        let everything = everything.with_all_hits().with_masks();
+        let everything =
+            Capabilities::UNKNOWN.with_counts(Counted::SceneTree).with_defined_bits().with_all_hits().with_masks();
         let nothing = Capabilities::UNKNOWN
             .with_counts(Counted::Nothing)
             .with_precisions(&[Precision::Robust])

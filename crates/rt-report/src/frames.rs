@@ -205,6 +205,11 @@ mod tests {
         }
     }
 
+    /// What is known of frame 3 of a first run.
+    fn rendered(provenance: &Provenance) -> Rendered<'_> {
+        Rendered { frame: 3, samples: 16, fingerprint: 7, exr: None, seconds: 2.5, seconds_before: None, provenance }
+    }
+
     /// Mutants: a frame taken for whole whose radiance was never written, or changed, or is an earlier run's.
     #[test]
     fn radiance_belongs_to_a_frame_where_it_is_asked_for() {
@@ -212,15 +217,7 @@ mod tests {
         let [picture, exr] = ["image-0003.png", "image-0003.exr"].map(|name| dir.path().join(name));
         [&picture, &exr].iter().for_each(|file| fs::write(file, "pixels").unwrap());
         let provenance = Provenance::now(1, ["cpu:1"]);
-        let rendered = Rendered {
-            frame: 3,
-            samples: 16,
-            fingerprint: 7,
-            exr: None,
-            seconds: 2.5,
-            seconds_before: None,
-            provenance: &provenance,
-        };
+        let rendered = rendered(&provenance);
         let known = || [None, Some(&*exr)].map(|exr| is_whole(&picture, exr, 7));
         note(&picture, &rendered).unwrap();
         assert_eq!(known(), [true, false]);
@@ -244,15 +241,7 @@ mod tests {
         assert_eq!(known(7), (false, None));
         fs::write(&picture, "pixels").unwrap();
         assert_eq!(known(7), (false, None));
-        let first = Rendered {
-            frame: 3,
-            samples: 16,
-            fingerprint: 7,
-            exr: None,
-            seconds: 2.5,
-            seconds_before: None,
-            provenance: &provenance,
-        };
+        let first = rendered(&provenance);
         note(&picture, &first).unwrap();
         assert_eq!((known(7), known(8)), ((true, None), (false, Some(2.5))));
         // The next run: the seconds before stay those before.
