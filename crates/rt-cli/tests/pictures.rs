@@ -43,7 +43,7 @@ fn a_picture_depends_on_its_seed_alone() {
 #[cfg(feature = "exr")]
 #[test]
 fn radiance_and_costs_are_there_as_numbers() {
-    use exr::prelude::{read_all_flat_layers_from_file, read_first_rgba_layer_from_file};
+    use exr::prelude::{Vec2, read_all_flat_layers_from_file, read_first_rgba_layer_from_file};
     let dir = tempfile::tempdir().expect("a folder");
     let common = ["yard", "--size", "61x40", "--spp", "2", "--exr"];
     let radiance = |out: &str, more: &[&str]| {
@@ -52,8 +52,11 @@ fn radiance_and_costs_are_there_as_numbers() {
         assert!(run.status.success(), "{more:?}: {}", String::from_utf8_lossy(&run.stderr));
         let read = read_first_rgba_layer_from_file(
             out.join("image.exr"),
-            |size, _| (size, Vec::new()),
-            |(_, pixels): &mut (_, Vec<[f32; 3]>), _, (r, g, b, _): (f32, f32, f32, f32)| pixels.push([r, g, b]),
+            // Blocks of rows are unpacked on several threads and come in any order.
+            |size, _| (size, vec![[f32::NAN; 3]; size.area()]),
+            |(size, pixels): &mut (Vec2<usize>, Vec<[f32; 3]>), at, (r, g, b, _): (f32, f32, f32, f32)| {
+                pixels[at.flat_index_for_size(*size)] = [r, g, b];
+            },
         );
         read.expect("radiance").layer_data.channel_data.pixels
     };
