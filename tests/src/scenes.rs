@@ -25,7 +25,7 @@ pub fn find() -> Result<Vec<RealScene>, String> {
 /// The loader's message.
 pub fn load(scene: &RealScene) -> Result<Model, String> {
     let loaded = load_obj(&scene.path, &LoadOptions::default(), &mut unwatched).map_err(|e| e.to_string())?;
-    let view = view::listed(&scene.path, &loaded.model);
+    let view = view::listed(&scene.path, &loaded.model).map_err(|error| error.to_string())?;
     Ok(Model { view, ..loaded.model })
 }
 

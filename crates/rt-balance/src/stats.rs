@@ -47,6 +47,13 @@ impl Summary {
         Self::new(&ratios(a, b))
     }
 
+    /// The ends of the interval; `None` of fewer than two measurements, which say nothing of how well the middle is
+    /// known.
+    #[must_use]
+    pub fn interval(&self) -> Option<[f64; 2]> {
+        (self.count > 1).then_some([self.low, self.high])
+    }
+
     /// Of ratios: whether they are not 1, all of the interval on one side and the median by more than [`noise`].
     #[must_use]
     pub fn differs_by_more_than(&self, noise: f64) -> bool {
@@ -240,6 +247,8 @@ mod tests {
     fn summaries_of_little_say_how_little() {
         let one = Summary::new(&[5.0]);
         assert_eq!((one.median, one.low, one.high, one.confidence), (5.0, 5.0, 5.0, 0.0));
+        // Fails when one value is taken for an interval without width.
+        assert_eq!((one.interval(), Summary::new(&[5.0, 6.0]).interval()), (None, Some([5.0, 6.0])));
         let none = Summary::new(&[]);
         assert!(none.median.is_nan() && none.low.is_nan() && none.high.is_nan() && none.count == 0);
         let pairs = Summary::of_ratios(&[2.0, 40.0, 6.0], &[1.0, 10.0, 2.0, 9.0]);

@@ -23,6 +23,7 @@ pub mod bench;
 pub mod compare;
 pub mod contenders;
 pub mod figure1;
+mod intervals;
 mod lab;
 pub mod simulate;
 mod subject;

@@ -73,7 +73,7 @@ pub struct Frame<'a> {
     pub paths: &'a Paths,
     /// Its number.
     pub number: u32,
-    /// Its parts that fit the memory.
+    /// Its parts that fit the memory; a pass of some of the samples has fewer.
     pub waves: &'a Waves,
     /// When it is to be done, however many samples there are then.
     pub end: Option<Instant>,
@@ -101,7 +101,7 @@ impl Frame<'_> {
             let (begin, mut traced, mut setup) = (Instant::now(), Duration::ZERO, Duration::ZERO);
             let paths = self.waves.pixels() * u64::from(samples.count);
             let pieces = shows.pieces(pace.expected(samples.count), paths);
-            let waves = self.waves.split(pieces);
+            let waves = self.waves.of(samples.count).split(pieces);
             for wave in waves.iter() {
                 let begin = Instant::now();
                 let mut sums = film.sums_of(&wave.pixels);

@@ -98,7 +98,7 @@ pub fn hash_tree(scene: &Scene, hash: &mut impl Hasher) {
 /// differ render different pictures.
 #[must_use]
 pub fn fingerprint(scene: u64, renderer: &Renderer<'_>, paths: &Paths, tiles: &Waves) -> u64 {
-    hashed(&format!("{} {tiles:?}", described(scene, renderer, paths)))
+    hashed(&format!("{} {}", described(scene, renderer, paths), tiles.count()))
 }
 
 /// Of everything that decides what a frame's picture is, however it is cut and whoever renders it.

@@ -249,11 +249,18 @@ impl CameraPath {
     }
 }
 
-/// A file is no camera path.
+/// A file is no camera path, or a line of `cameras.tsv` no camera.
 #[derive(Debug)]
 pub struct CameraPathError {
     file: PathBuf,
     fault: Fault,
+}
+
+impl CameraPathError {
+    /// What is wrong in a line, counted from 1.
+    pub(crate) const fn in_line(file: PathBuf, line: usize, what: String) -> Self {
+        Self { file, fault: Fault::Line { line, what } }
+    }
 }
 
 #[derive(Debug)]

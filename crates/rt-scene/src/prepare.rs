@@ -118,8 +118,11 @@ impl Prepared {
 /// When there is no such scene, its file cannot be loaded or its tree not be built, or `watch` breaks.
 pub fn prepare(scene: &Path, options: &Options, watch: &mut Watch<'_>) -> Result<Prepared, PrepareError> {
     let start = Instant::now();
-    let named = load(scene, options.invalid, watch)?;
-    let listed = view::listed(scene, &named.model);
+    let mut named = load(scene, options.invalid, watch)?;
+    let listed = view::listed(scene, &named.model).unwrap_or_else(|wrong| {
+        named.warnings.push(format!("{wrong}; the view is chosen without it"));
+        None
+    });
     finish(named, listed, start, options, watch)
 }
 
@@ -165,6 +168,9 @@ fn finish(
     let scene = scene.map_err(|source| PrepareError::Parts { scene: model.source.clone(), source })?;
     let built = Built { scene: Arc::new(scene), report };
     plan.complete(&built.scene);
+    if listed.is_some() {
+        plan.reasons.push("the view is given by cameras.tsv beside the file".to_owned());
+    }
     let build_s = start.elapsed().as_secs_f64();
 
     let precision = options.precision.unwrap_or(plan.precision);

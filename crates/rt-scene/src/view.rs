@@ -1,11 +1,12 @@
 //! Cameras: those listed beside a file, one for a model that brings none, and turning it for animations.
 
-use crate::camera::Shot;
+use crate::camera::{CameraPathError, Shot};
 use crate::frame::frame;
 use crate::{Model, View};
 use glam::{DQuat, DVec3, Vec3};
 use rt_core::{Hit, Ray};
 use std::collections::BTreeSet;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -138,22 +139,37 @@ pub fn list_beside(path: &Path) -> PathBuf {
     path.with_file_name("cameras.tsv")
 }
 
-/// The view of `model` that the file `cameras.tsv` beside its file `path` gives, if there is one: see [`from_row`].
-#[must_use]
-pub fn listed(path: &Path, model: &Model) -> Option<View> {
-    let table = fs::read_to_string(list_beside(path)).ok()?;
-    let file = path.file_name()?.to_str()?;
-    table.lines().find_map(|row| from_row(row, file, model))
+/// The view of `model` that the file `cameras.tsv` beside its file `path` gives, if there is one: in the first line
+/// that begins with the file's name, or with that of the file that was packed.
+///
+/// # Errors
+/// When that line says no camera.
+pub fn listed(path: &Path, model: &Model) -> Result<Option<View>, CameraPathError> {
+    let list = list_beside(path);
+    let file = path.file_name().and_then(OsStr::to_str);
+    let Some((table, file)) = fs::read_to_string(&list).ok().zip(file) else { return Ok(None) };
+    let found = (1..).zip(table.lines()).find_map(|(line, row)| Some((line, shot(row, file)?)));
+    let Some((line, shot)) = found else { return Ok(None) };
+    match shot {
+        Ok(shot) => Ok(Some(shot.view(model.offset))),
+        Err(what) => Err(CameraPathError::in_line(list, line, what)),
+    }
 }
 
-/// The view of `model` in a row of `cameras.tsv` if that is about `file`: file name, eye, target, up and vertical field
-/// of view in degrees, separated by tabs, and coordinates, which are those of the file, by blanks.
-#[must_use]
-pub fn from_row(row: &str, file: &str, model: &Model) -> Option<View> {
+/// What a row of `cameras.tsv` says if it is about `file`: its name, eye, target, up and vertical field of view in
+/// degrees, separated by tabs, and coordinates, which are those of the file, by blanks.
+fn shot(row: &str, file: &str) -> Option<Result<Shot, String>> {
+    let unpacked = file.strip_suffix(".xz").or_else(|| file.strip_suffix(".gz"));
+    let is_about = |name: &str| name == file || Some(name) == unpacked;
     let fields: Vec<&str> = row.split('\t').collect();
-    let [name, eye, target, up, fov] = fields[..] else { return None };
-    let shot = (name == file).then(|| Shot::parse([eye, target, up, fov]).ok())??;
-    Some(shot.view(model.offset))
+    Some(match fields[..] {
+        [name, eye, target, up, fov] if is_about(name) => Shot::parse([eye, target, up, fov]),
+        [name, ..] if is_about(name) || row.split_whitespace().next().is_some_and(is_about) => Err(format!(
+            "it is to have file, eye, target, up and field of view, separated by tabs; it has {} fields",
+            fields.len()
+        )),
+        _ => return None,
+    })
 }
 
 /// The same view with the eye turned about the target by `angle` radians, around the up axis, to the right as seen
@@ -355,16 +371,29 @@ mod tests {
     }
 
     #[test]
-    fn cameras_are_read_and_bad_lines_are_not() {
-        let line = "a.obj\t1 2 3\t0 0 0\t0 1 0\t45";
-        let model = Model::default();
-        let found = from_row(line, "a.obj", &model).expect("a camera");
+    fn cameras_are_read_from_the_line_about_the_scene() {
+        let folder = tempfile::tempdir().unwrap();
+        let listed = |table: &str, scene: &str, offset: DVec3| {
+            fs::write(folder.path().join("cameras.tsv"), table).unwrap();
+            listed(&folder.path().join(scene), &Model { offset, ..Model::default() })
+        };
+        let table = "# a.obj\nb.obj\tnothing\na.obj\t1 2 3\t0 0 0\t0 1 0\t45\n";
+        let found = listed(table, "a.obj", DVec3::ZERO).unwrap().expect("a camera");
         assert_eq!((found.eye.z, found.fov_degrees), (3.0, 45.0));
-        let far = Model { offset: DVec3::new(5e6, 0.0, -5e6), ..Model::default() };
-        let found = from_row("a.obj\t5000000.1 2 3\t5e6 0 -5e6\t0 1 0\t45", "a.obj", &far).expect("a camera");
+        // Fails when a packed file is another scene, or any end of a name.
+        assert_eq!(["a.obj.xz", "a.obj.gz"].map(|name| listed(table, name, DVec3::ZERO).unwrap()), [Some(found); 2]);
+        assert_eq!(["c.obj", "a.obj.zip"].map(|name| listed(table, name, DVec3::ZERO).unwrap()), [None; 2]);
+        let far = "a.obj\t5000000.1 2 3\t5e6 0 -5e6\t0 1 0\t45";
+        let found = listed(far, "a.obj", DVec3::new(5e6, 0.0, -5e6)).unwrap().expect("a camera");
         assert_eq!((found.eye, found.target), (Vec3::new(0.1, 2.0, 5_000_003.0), Vec3::ZERO));
-        for bad in ["# a.obj", "b.obj\t1 2 3\t0 0 0\t0 1 0\t45", "a.obj\t1 2\t0 0 0\t0 1 0\t45", "a.obj\t1 2 3", ""] {
-            assert_eq!(from_row(bad, "a.obj", &model), None);
+        // Fails when a wrong line about the scene is passed over without a word.
+        for (line, part) in [
+            ("a.obj\t1 2\t0 0 0\t0 1 0\t45", "the eye `1 2`"),
+            ("a.obj\t1 2 3", "2 fields"),
+            ("a.obj 1 2 3 0 0 0 0 1 0 45", "1 fields"),
+        ] {
+            let error = listed(&format!("\n{line}"), "a.obj", DVec3::ZERO).unwrap_err().to_string();
+            assert!(error.contains("cameras.tsv`, line 2: ") && error.contains(part), "{error}");
         }
     }
 }

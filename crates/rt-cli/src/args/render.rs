@@ -17,8 +17,6 @@ pub(crate) struct RenderArgs {
     pub(crate) scene: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) source: SceneArgs,
-    #[command(flatten)]
-    pub(crate) balance: BalanceArgs,
     /// Size of the picture in pixels
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_size, default_value = "960x600",
           value_name = "WxH")]
@@ -68,6 +66,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_fov, allow_hyphen_values = true,
           value_name = "DEGREES")]
     pub(crate) fov: Option<f32>,
+    #[command(flatten)]
+    pub(crate) balance: BalanceArgs,
     /// Memory for rays and hits in flight, such as 512M or 2G: larger pictures run in waves. Not counted are the scene,
     /// 12 bytes a pixel for the picture, and what is recorded of each task; what does not fit the machine is refused
     #[arg(long, help_heading = heading::DEVICES, value_parser = parse_bytes, default_value = "4G",

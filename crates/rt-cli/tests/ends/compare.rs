@@ -80,7 +80,8 @@ fn a_comparison_measures_every_way_in_every_round() {
     assert!(page.contains(sentence) && page.contains("<svg role=\"img\""), "{sentence}");
 }
 
-/// Mutants: ways that were not asked for; a table wider than a terminal; verdict or command left out.
+/// Mutants: ways that were not asked for; a table wider than a terminal; verdict or command left out; an interval of one
+/// round.
 #[test]
 fn a_comparison_of_what_is_named_fits_the_terminal() {
     let folder = folder();
@@ -95,7 +96,9 @@ fn a_comparison_of_what_is_named_fits_the_terminal() {
     let wide: Vec<&str> = ended.out.lines().filter(|line| line.chars().count() > 100).collect();
     assert!(wide.is_empty(), "{wide:#?}");
     let few = succeeds(&folder, &format!("compare cube.obj {SMALL} --repeat 1 --estimator uniform"));
-    assert!(few.out.contains("1 round is too few"), "{}", few.out);
+    assert!(few.out.contains("1 round is too few") && !few.out.contains("%]"), "{}", few.out);
+    let files = ["compare.md", "report.html"].map(|name| fs::read_to_string(folder.at("out/compare").join(name)).unwrap());
+    assert!(files.iter().all(|text| text.contains("there are no intervals") && !text.contains("%]")));
 }
 
 /// Mutants: files told apart by their names; a difference of what must be the same not told.

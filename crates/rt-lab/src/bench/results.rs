@@ -1,8 +1,9 @@
 //! What `bench` tells: tables for people, and JSON with every single measurement (described in docs/bench.md).
 
 use super::measure::{Measured, QUEUED, Samples, WALKS};
+use crate::intervals::worth;
 use rt_balance::devices::Opened;
-use rt_balance::stats::{CONFIDENCE, Summary, ratios};
+use rt_balance::stats::{Summary, ratios};
 use rt_report::Provenance;
 use rt_report::table::{Table, grouped, percent, seconds};
 use serde::Serialize;
@@ -156,14 +157,12 @@ impl KindResult {
 
 /// What the tables show, in words.
 pub(crate) fn introduction(repeat: u32) -> String {
-    let sure = Summary::new(&vec![0.0; repeat as usize]).confidence;
+    let sure = worth(&Summary::new(&vec![0.0; repeat as usize]));
     format!(
         "Mray/s of full traversal, in kernels and until the hits are on the host; other walks as kernel time over full.\n\
-         Medians of {repeat} interleaved repetitions, with the interval that holds the true one {} of the time{}.\n\
+         Medians of {repeat} interleaved repetitions. {sure}\n\
          paper: reduced over full traversal in Rincón-Nigro and Deng (2013), on a Tesla C1060.\n\
          gap: time without a kernel for each of {QUEUED} launches in a row, and their share inside kernels.\n",
-        percent(Some(sure)),
-        if sure < CONFIDENCE { " (--repeat 6 or more gives 95%)" } else { "" },
     )
 }
 
@@ -231,8 +230,11 @@ fn share(summary: &Summary) -> String {
 
 /// The median and its interval.
 fn interval(summary: &Summary, scale: f64, digits: usize, unit: &str) -> String {
-    let Summary { median, low, high, .. } = summary;
-    format!("{:.digits$}{unit} [{:.digits$}, {:.digits$}]", median * scale, low * scale, high * scale)
+    let median = format!("{:.digits$}{unit}", summary.median * scale);
+    match summary.interval() {
+        Some([low, high]) => format!("{median} [{:.digits$}, {:.digits$}]", low * scale, high * scale),
+        None => median,
+    }
 }
 
 fn megabytes(bytes: u64) -> String {

@@ -90,7 +90,7 @@ impl Verdict {
         let sentences = [
             Some(advice),
             later(ways, noise),
-            estimate.as_ref().map(|(verdict, labels)| verdict.sentence(*labels)),
+            estimate.as_ref().map(|(verdict, labels)| verdict.sentence(*labels, noise)),
             together.as_ref().map(|together| together.sentence(alone)),
         ];
         let [queue, policy, estimator] = ways[way].options.map(str::to_owned);
@@ -195,7 +195,7 @@ fn estimate<'a>(ways: &'a [Contestant<'a>], noise: Option<f64>) -> Option<(Estim
 }
 
 impl EstimateVerdict {
-    fn sentence(&self, [with, without]: [&str; 2]) -> String {
+    fn sentence(&self, [with, without]: [&str; 2], noise: Option<f64>) -> String {
         let change = percent((self.with_over_without.median - 1.0).abs());
         let cost = format!("estimating takes {} of the trace", percent(self.overhead));
         let gain = match self.idle_without {
@@ -210,7 +210,8 @@ impl EstimateVerdict {
                 format!("An estimate does not pay here: {with} takes {change} longer, since {cost}, and {gain}.")
             }
             Pays::Unknown => {
-                format!("Whether an estimate pays cannot be told from the noise: {cost} ({with}); {gain}.")
+                let why = if noise.is_some() { "from the noise" } else { "from so few rounds" };
+                format!("Whether an estimate pays cannot be told {why}: {cost} ({with}); {gain}.")
             }
         }
     }
@@ -233,11 +234,15 @@ impl Together {
         let Self { best, trace, whole, most } = self;
         let count: usize = alone.iter().map(|loner| loner.count).sum();
         let best = if alone.len() == 1 { "one of them".to_owned() } else { format!("the best one alone ({best})") };
+        let times = |ratio: &Summary| match ratio.interval() {
+            Some([low, high]) => format!("{:.2} times [{low:.2} to {high:.2}]", ratio.median),
+            None => format!("{:.2} times", ratio.median),
+        };
         format!(
-            "These {count} devices together are {:.2} times [{:.2} to {:.2}] as fast as {best} at tracing, of at most {most:.2} \
-             if none slowed another down, and {:.2} times [{:.2} to {:.2}] of the whole, loading, building and shading \
-             included.",
-            trace.median, trace.low, trace.high, whole.median, whole.low, whole.high
+            "These {count} devices together are {} as fast as {best} at tracing, of at most {most:.2} if none slowed \
+             another down, and {} of the whole, loading, building and shading included.",
+            times(trace),
+            times(whole)
         )
     }
 }
@@ -368,12 +373,14 @@ mod tests {
         near(together.most, 2.5);
     }
 
-    /// Mutants: a verdict of one round.
+    /// Mutants: a verdict of one round; an interval of one, or noise that was not measured, in its words.
     #[test]
     fn too_few_rounds_and_too_few_ways_are_said() {
         let verdict = judged(1, 1, &[1.0, 2.0], &[false; 2], 0.01);
         assert_eq!((verdict.way, verdict.larger_than_noise), (0, None));
         assert!(verdict.sentences[0].starts_with("1 round is too few"), "{verdict:?}");
+        let once = judged(1, 1, &[1.0, 2.0], &[false, true], 0.01).sentences.concat();
+        assert!(once.contains("cannot be told from so few rounds") && !once.contains(['[', ']']), "{once}");
         assert!(judged(1, 9, &[1.0], &[false], 0.01).sentences[0].starts_with("Only the default"));
     }
 

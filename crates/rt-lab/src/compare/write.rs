@@ -53,14 +53,19 @@ fn counted(count: impl TryInto<u64>, what: &str) -> String {
 
 /// How it was measured, in sentences.
 fn notes(results: &Results) -> Vec<String> {
-    let rounds = results.seeds.len();
-    let confidence = results.ways[0].of_default.confidence;
+    let Summary { count, confidence, .. } = results.ways[0].of_default;
+    let measured = match count {
+        1 => "one round counts, after one that does not, so there are no intervals".to_owned(),
+        _ => format!(
+            "medians of {}, after one that is not counted. Intervals of {:.0}% are of ratios within rounds",
+            counted(count, "round"),
+            100.0 * confidence
+        ),
+    };
     let mut notes = vec![
         format!(
-            "Every round renders the picture by every way and by each kind of device alone, one after the other; medians \
-             of {}, after one that is not counted. Intervals of {:.0}% are of ratios within rounds.",
-            counted(rounds, "round"),
-            100.0 * confidence
+            "Every round renders the picture by every way and by each kind of device alone, one after the other; \
+             {measured}."
         ),
         "Estimators are new in every round, as for a first picture; those with \"later frames\" have seen the rounds \
          before. How fast devices are is known to all, from the round before."
@@ -89,14 +94,17 @@ fn development(results: &Results) -> Option<String> {
 fn ways(results: &Results) -> Table {
     let has_excess = results.ways.iter().any(|way| way.excess.is_some());
     let last = if has_excess { "excess" } else { "imbalance" };
-    let interval = format!("% of default [{:.0}%]", 100.0 * results.ways[0].of_default.confidence);
-    let mut table = Table::new(&["queue", "policy", "estimate", "trace", &interval, last, "overhead"]);
+    let of_default = results.ways[0].of_default;
+    // One round has no interval.
+    let sure = of_default.interval().map(|_| format!(" [{:.0}%]", 100.0 * of_default.confidence));
+    let ratio = format!("% of default{}", sure.unwrap_or_default());
+    let mut table = Table::new(&["queue", "policy", "estimate", "trace", &ratio, last, "overhead"]);
     for way in results.ranked() {
-        let Summary { median, low, high, .. } = way.of_default;
-        let of_default = if std::ptr::eq(way, &results.ways[0]) {
-            "100".to_owned()
-        } else {
-            format!("{:.1} [{:.1}–{:.1}]", 100.0 * median, 100.0 * low, 100.0 * high)
+        let median = 100.0 * way.of_default.median;
+        let of_default = match way.of_default.interval() {
+            _ if std::ptr::eq(way, &results.ways[0]) => "100".to_owned(),
+            Some([low, high]) => format!("{median:.1} [{:.1}–{:.1}]", 100.0 * low, 100.0 * high),
+            None => format!("{median:.1}"),
         };
         table.row(vec![
             way.queue.to_owned(),
@@ -179,14 +187,19 @@ fn chart(results: &Results) -> Chart {
     let row = |way: &WayResult| Row {
         label: way.label.clone(),
         ratio: way.of_default.median,
-        interval: [way.of_default.low, way.of_default.high],
+        interval: way.of_default.interval(),
         is_advised: std::ptr::eq(way, advised),
     };
     Chart {
         title: format!("{} on {}: time of tracing, % of the default's", results.name, results.entries()),
-        note:
-            "Less is better. Dot: median of the ratios within rounds; line: its interval; grey: noise. Orange: to use."
-                .to_owned(),
+        note: match advised.of_default.interval() {
+            Some(_) => {
+                "Less is better. Dot: median of the ratios within rounds; line: its interval; grey: noise. Orange: to \
+                 use."
+            }
+            None => "Less is better. Dot: ratio within the only round. Orange: to use.",
+        }
+        .to_owned(),
         rows: results.ranked().into_iter().map(row).collect(),
         noise: results.noise,
     }

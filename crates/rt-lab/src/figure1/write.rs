@@ -3,6 +3,7 @@
 use super::Results;
 use super::measure::{BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, Panel, ROUND_ROBIN, STATIC_COST, Series, Size};
 use crate::Lab;
+use crate::intervals::with_interval;
 use anyhow::Result;
 use rt_report::chart::figure1::{self, Bar, Figure, Group};
 use rt_report::html::Page;
@@ -47,12 +48,16 @@ pub(super) fn figure(results: &Results) -> Figure {
     } else {
         format!("Real runs on {}.", results.provenance.devices.join(", "))
     }];
+    let sure = match results.repetitions {
+        1 => "One round, so no intervals".to_owned(),
+        rounds => format!(
+            "Medians of {rounds} interleaved rounds, whiskers: {:.0}% intervals between order statistics",
+            100.0 * confidence(results)
+        ),
+    };
     notes.push(format!(
-        "Estimator {}{fraction}, new in every run. Medians of {} interleaved rounds, whiskers: {:.0}% intervals \
-         between order statistics. Seeds {}–{}.",
+        "Estimator {}{fraction}, new in every run. {sure}. Seeds {}–{}.",
         results.estimator,
-        results.repetitions,
-        100.0 * confidence(results),
         seed(results) + 1,
         seed(results) + u64::from(results.repetitions),
     ));
@@ -154,9 +159,7 @@ impl Panel {
             let total = |index: usize| table::seconds(size.series[index].total.median);
             let ratio = |index: usize| {
                 let last = size.series[index].ratios.last();
-                last.map_or_else(String::new, |r| {
-                    format!("{:.3} ({:.3}–{:.3})", r.ratio.median, r.ratio.low, r.ratio.high)
-                })
+                last.map_or_else(String::new, |r| with_interval(&r.ratio, |ratio| format!("{ratio:.3}")))
             };
             table.row(vec![
                 grouped(size.task_rays.into()),

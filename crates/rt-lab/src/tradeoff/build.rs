@@ -4,6 +4,7 @@ use super::Options;
 use super::{Setting, file_part};
 use crate::Lab;
 use crate::contenders::uninformed;
+use crate::intervals::with_interval;
 use crate::subject::{Subject, trace};
 use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
@@ -161,12 +162,12 @@ fn table(rows: &[Row]) -> Table {
     let mut table =
         Table::new(&["scene", "builder", "triangles", "build", "primary Mray/s", "diffuse Mray/s", "SAH cost", "MB"]);
     for row in rows {
-        let speed = |s: &Summary| format!("{:.2} ({:.2}–{:.2})", s.median, s.low, s.high);
+        let speed = |summary: &Summary| with_interval(summary, |speed| format!("{speed:.2}"));
         table.row(vec![
             row.scene.clone(),
             row.builder.to_owned(),
             rt_report::table::grouped(row.triangles as u64),
-            format!("{} ({}–{})", seconds(row.build.median), seconds(row.build.low), seconds(row.build.high)),
+            with_interval(&row.build, seconds),
             speed(&row.primary),
             speed(&row.diffuse),
             format!("{:.1}", row.sah_cost),

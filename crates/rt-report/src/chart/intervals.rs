@@ -23,8 +23,8 @@ pub struct Row {
     pub label: String,
     /// Its time over that of the way that all are compared with.
     pub ratio: f64,
-    /// The interval of that.
-    pub interval: [f64; 2],
+    /// The interval of that, if it was measured more than once.
+    pub interval: Option<[f64; 2]>,
     /// Whether it is the one to look at.
     pub is_advised: bool,
 }
@@ -78,17 +78,20 @@ impl Row {
         let color = if self.is_advised { ORANGE } else { BLUE };
         let look = Look { bold: self.is_advised, ..Look::default() };
         sheet.text(self.label.as_str(), (MARGIN, y), look);
-        let [low, high] = self.interval;
+        // That of the way itself that all are compared with has no width.
+        let interval = self.interval.filter(|[low, high]| low < high);
         let percent = |ratio: f64| 100.0 * ratio;
-        let numbers = match low < high {
-            true => format!("{:.1}% [{:.1}–{:.1}]", percent(self.ratio), percent(low), percent(high)),
-            false => format!("{:.1}%", percent(self.ratio)),
+        let numbers = match interval {
+            Some([low, high]) => format!("{:.1}% [{:.1}–{:.1}]", percent(self.ratio), percent(low), percent(high)),
+            None => format!("{:.1}%", percent(self.ratio)),
         };
         sheet.text(numbers, (WIDTH - MARGIN, y), Look { align: Align::Right, ..look });
-        let [from, to] = [axis.at(low), axis.at(high)];
-        sheet.line([(from, y), (to, y)], 2.0, color);
-        for end in [from, to] {
-            sheet.line([(end, y - 5.0), (end, y + 5.0)], 2.0, color);
+        if let Some(ends) = interval {
+            let [from, to] = ends.map(|end| axis.at(end));
+            sheet.line([(from, y), (to, y)], 2.0, color);
+            for end in [from, to] {
+                sheet.line([(end, y - 5.0), (end, y + 5.0)], 2.0, color);
+            }
         }
         let at = axis.at(self.ratio);
         if self.ratio > LONGEST {
@@ -110,7 +113,8 @@ struct Axis {
 impl Axis {
     fn of(chart: &Chart, left: f64, right: f64) -> Self {
         let noise = chart.noise.unwrap_or(0.0);
-        let ends = chart.rows.iter().flat_map(|row| row.interval).chain([1.0 - noise, 1.0 + noise, 0.97, 1.03]);
+        let ends = |row: &Row| row.interval.unwrap_or([row.ratio; 2]);
+        let ends = chart.rows.iter().flat_map(ends).chain([1.0 - noise, 1.0 + noise, 0.97, 1.03]);
         let (low, high) = ends
             .filter(|end| end.is_finite())
             .fold((f64::INFINITY, 0.0_f64), |(low, high), end| (low.min(end), high.max(end)));
@@ -143,7 +147,7 @@ mod tests {
     }
 
     fn row(ratio: f64) -> Row {
-        Row { label: "hybrid".to_owned(), ratio, interval: [ratio * 0.9, ratio * 1.1], is_advised: false }
+        Row { label: "hybrid".to_owned(), ratio, interval: Some([ratio * 0.9, ratio * 1.1]), is_advised: false }
     }
 
     /// Mutants: an axis that ends with the slowest, however slow; one that leaves the band or 1 out.
@@ -167,5 +171,9 @@ mod tests {
             svg.contains("a &lt;title&gt;") && svg.contains(">hybrid</text>") && svg.contains("300.0% [270.0–330.0]")
         );
         assert!(to_svg(&Chart { noise: None, ..chart(Vec::new()) }).ends_with("</svg>\n"));
+        // Fails when a single time has an interval from it to itself, or none is a reason for an axis without it.
+        let once = Chart { noise: None, ..chart(vec![Row { interval: None, ..row(1.5) }]) };
+        assert!(to_svg(&once).contains(">150.0%</text>"));
+        assert!((100.0..500.0).contains(&Axis::of(&once, 100.0, 500.0).at(1.5)));
     }
 }

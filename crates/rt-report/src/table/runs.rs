@@ -5,18 +5,28 @@ use rt_balance::report::{ActivityKind, DeviceReport, StreamReport, StreamRun};
 use rt_balance::stats::union;
 use std::fmt::Write;
 
-/// Why each stream's estimate was made as it was, a line for each; streams of estimators that have no choice are left
-/// out.
+/// Why each stream's estimate was made as it was, a line for each, or for several of a kind that have the same reason;
+/// streams of estimators that have no choice are left out.
 #[must_use]
 pub fn reasons(runs: &[StreamRun]) -> String {
-    let name = Naming::of(runs);
-    let shown = longest(runs, MOST_ROWS);
-    let lines = shown.iter().filter_map(|run| {
-        let estimate = &run.report.estimate;
-        let reason = estimate.reason.as_ref()?;
-        Some(format!("  {}: {}, since {reason}\n", name.of_stream(&run.report), estimate.chosen))
-    });
-    lines.collect()
+    let naming = Naming::of(runs);
+    let mut told: Vec<(&StreamReport, u64)> = Vec::new();
+    for report in longest(runs, MOST_ROWS).into_iter().map(|run| &run.report) {
+        let of = |report: &StreamReport| (report.kind.clone(), report.frame, report.estimate.reason.clone());
+        match told.iter_mut().find(|(first, _)| of(first) == of(report)) {
+            Some((_, count)) => *count += 1,
+            None => told.push((report, 1)),
+        }
+    }
+    let line = |(report, count): (&StreamReport, u64)| {
+        let reason = report.estimate.reason.as_ref()?;
+        let name = match count {
+            1 => naming.of_stream(report),
+            _ => format!("{}, {} waves", Naming { waves: false, ..naming }.of_stream(report), grouped(count)),
+        };
+        Some(format!("  {name}: {}, since {reason}\n", report.estimate.chosen))
+    };
+    told.into_iter().filter_map(line).collect()
 }
 
 /// How the streams of each kind were balanced, and all of them together.
@@ -319,6 +329,7 @@ pub fn meaning(head: &str) -> Option<&'static str> {
 }
 
 /// What streams are called: their kind, with frame and wave where there is more than one.
+#[derive(Clone, Copy)]
 struct Naming {
     frames: bool,
     waves: bool,
@@ -393,6 +404,31 @@ mod tests {
         for head in streams.rows()[0].iter().chain(&devices.rows()[0]) {
             assert!(meaning(head).is_some() || head == "device", "{head}");
         }
+    }
+
+    /// Mutants: reasons of another kind, or other ones, taken for the same; a stream without a choice told.
+    #[test]
+    fn reasons_that_are_the_same_are_told_once() {
+        let of = |kind: &str, wave: u32, reason: Option<&str>| {
+            let mut run = traced("cpu", 0.99);
+            run.report.kind = kind.to_owned();
+            run.report.wave = wave;
+            run.report.estimate.chosen = "uniform".to_owned();
+            run.report.estimate.reason = reason.map(str::to_owned);
+            run
+        };
+        let same = [0, 1, 2].map(|wave| of("primary", wave, Some("so")));
+        let runs = [&same[..], &[of("shadow 0", 0, Some("so")), of("primary", 3, Some("not so")), of("x", 4, None)]];
+        let told = reasons(&runs.concat());
+        let lines: Vec<&str> = told.lines().map(str::trim).collect();
+        assert_eq!(
+            lines,
+            [
+                "primary, 3 waves: uniform, since so",
+                "shadow 0, wave 0: uniform, since so",
+                "primary, wave 3: uniform, since not so"
+            ]
+        );
     }
 
     /// Mutant: thread time of a card, which has none, or of a core that was its own.

@@ -33,6 +33,10 @@ impl Wave {
 pub struct Waves {
     size: [u32; 2],
     count: u64,
+    /// Samples of each pixel in all.
+    samples: u32,
+    /// Most rays of a wave.
+    most: u64,
 }
 
 impl Waves {
@@ -46,9 +50,19 @@ impl Waves {
     /// When a side of the image is 0 or more than [`MAX_SIDE`].
     pub fn new(size: [u32; 2], samples: u32, bytes_per_ray: u64, memory_limit: u64) -> Result<Self, ImageSizeError> {
         check(size)?;
-        let rays = (memory_limit / bytes_per_ray.max(1)).min(u64::from(u32::MAX));
-        let most = (rays / u64::from(samples.max(1))).max(1);
-        Ok(Self { size, count: pixels(size).div_ceil(most) })
+        let most = memory_limit / bytes_per_ray.max(1);
+        Ok(Self { size, count: 1, samples, most }.of(samples))
+    }
+
+    /// The same image in as many waves as some of its samples need: those of a pass, in which each pixel has `samples`
+    /// rays.
+    #[must_use]
+    pub fn of(self, samples: u32) -> Self {
+        let in_memory = self.most / u64::from(samples.max(1));
+        // Paths go by their numbers among those of all samples.
+        let numbered = u64::from(u32::MAX) / u64::from(self.samples.max(1));
+        let most = in_memory.min(numbered).max(1);
+        Self { count: pixels(self.size).div_ceil(most), ..self }
     }
 
     /// The same image in more waves: at least `count`, if it has so many pixels.
@@ -153,6 +167,10 @@ mod tests {
             // As few as possible.
             let most = (limit / per_pixel).max(1);
             prop_assert_eq!(waves.count(), u64::from(width * height).div_ceil(most));
+            // A pass of one of many samples is no reason for waves of all of them. Fails when it is cut like these.
+            let one = waves.of(1);
+            prop_assert_eq!(one.count(), u64::from(width * height).div_ceil((limit / bytes.max(1)).max(1)));
+            prop_assert_eq!(one.of(samples), waves);
         }
     }
 
@@ -160,6 +178,8 @@ mod tests {
     fn rays_of_a_wave_can_be_numbered_and_bad_sizes_are_refused() {
         let waves = Waves::new([3, 1], u32::MAX / 2, 1, u64::MAX).unwrap();
         assert_eq!(waves.iter().map(|w| w.pixels.len()).collect::<Vec<_>>(), [1, 2]);
+        // Fails when the paths of a pass are numbered among its own samples.
+        assert_eq!(waves.of(1), waves);
         for size in [[0, 5], [5, 0], [MAX_SIDE + 1, 1]] {
             let error = Waves::new(size, 1, 1, 1).unwrap_err();
             assert!(error.to_string().contains("choose"), "{error}");

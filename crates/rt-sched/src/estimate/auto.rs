@@ -46,6 +46,7 @@ const STAKE: f64 = 0.7;
 #[derive(Clone, Copy, Debug, Default)]
 struct Decision {
     choice: Choice,
+    devices: u32,
     tasks_a_device: f64,
     /// As in [`RayStream`].
     moves: bool,
@@ -75,6 +76,7 @@ impl Decision {
         let fraction = two.clamp(Fraction::MIN.value(), Fraction::ONE.value());
         let mut decision = Self {
             choice: Choice::Past,
+            devices: stream.devices,
             tasks_a_device: tasks / f64::from(stream.devices.max(1)),
             moves: stream.moves,
             loss: stream.uninformed_excess,
@@ -134,16 +136,20 @@ impl CostEstimator for Auto {
     }
 
     fn reason(&self) -> Option<String> {
-        let Decision { choice, tasks_a_device, moves, loss, left, fraction, price } = self.open;
+        let Decision { choice, devices, tasks_a_device, moves, loss, left, fraction, price } = self.open;
         let [loss, left, fraction, price] = [loss, left, fraction, price].map(|share| 100.0 * share);
-        let queue = if moves { "" } else { ", which are not moved later," };
-        let lost =
-            format!("{tasks_a_device:.0} tasks a device{queue} are expected to lose {loss:.2}% if nothing is known");
-        let samples = format!("{left:.2}% with samples of {fraction:.2}% of the rays");
+        let queue = if moves { "" } else { ", which nobody moves later," };
+        let unknown = format!(
+            "knowing nothing of {tasks_a_device:.0} tasks a device{queue} is expected to cost {loss:.2}% of the time"
+        );
+        let samples = format!("samples of {fraction:.2}% of the rays");
         Some(match choice {
             Choice::Past => "the last such stream tells what tasks take, for nothing".into(),
-            Choice::Samples => format!("{lost}, {samples}, which cost {price:.2}%"),
-            Choice::Nothing => format!("{lost}, {samples}, which would cost {price:.2}%: that does not pay"),
+            Choice::Nothing if devices < 2 => "there is one device, which does all of it: nothing to balance".into(),
+            Choice::Samples => format!("{unknown}; {samples} cost {price:.2}% and leave {left:.2}%"),
+            Choice::Nothing => {
+                format!("{unknown}; {samples} would cost {price:.2}% and leave {left:.2}%: that does not pay")
+            }
         })
     }
 

@@ -2,9 +2,10 @@
 
 use super::LAYOUTS;
 use super::measure::{Row, SceneRows};
+use crate::intervals::{with_interval, worth};
 use crate::tradeoff::{Setting, file_part};
 use anyhow::Result;
-use rt_balance::stats::{CONFIDENCE, Summary};
+use rt_balance::stats::Summary;
 use rt_report::chart::front::{self, Chart, Panel, Series};
 use rt_report::html::Page;
 use rt_report::table::{Table, grouped, quoted, seconds};
@@ -46,13 +47,7 @@ pub(super) fn all(setting: &Setting<'_>, scenes: &[SceneRows], page: &mut Page) 
 fn notes(scenes: &[SceneRows]) -> Vec<String> {
     let rows = || scenes.iter().flat_map(|scene| &scene.rows);
     let least = rows().map(|row| row.mray_s).min_by_key(|mray_s| mray_s.count);
-    let sure = least.map(|Summary { count, confidence, .. }| {
-        format!(
-            "Medians; rounds: {count} at least. The intervals hold the true median {:.0}% of the time or more often{}.",
-            100.0 * confidence,
-            if confidence < CONFIDENCE { " (--repeat 6 gives 95%)" } else { "" },
-        )
-    });
+    let sure = least.map(|least| format!("Medians; rounds: {} at least. {}", least.count, worth(&least)));
     let mut notes: Vec<String> = std::iter::once(NOTES.to_owned()).chain(sure).collect();
     for row in rows().filter_map(|row| Some(format!("{}, {}: {}.", row.entry, row.layout, row.note.as_ref()?))) {
         if !notes.contains(&row) {
@@ -101,7 +96,7 @@ fn table(scenes: &[SceneRows]) -> Table {
     let header =
         ["rays", "layout", "Mray/s", "over two-wide", "B/triangle", "made in", "tests of a ray", "hits differing"];
     let mut table = Table::new(&[first, &header].concat());
-    let interval = |s: &Summary| format!("{:.2} ({:.2}–{:.2})", s.median, s.low, s.high);
+    let interval = |summary: &Summary| with_interval(summary, |value| format!("{value:.2}"));
     for scene in scenes {
         for (index, row) in scene.rows.iter().enumerate() {
             let is_wide = index % LAYOUTS.len() > 0;

@@ -3,18 +3,18 @@
 mod write;
 
 use super::streams::{Kind, STREAMS, launch, reference, streams};
+use crate::intervals::worth;
 use crate::time_budget::TimeBudget;
 use crate::{DEFAULT_SCENES, Lab};
 use anyhow::{Context, Result};
 use rt_balance::clock;
 use rt_balance::devices::Opened;
-use rt_balance::stats::{CONFIDENCE, Summary};
+use rt_balance::stats::Summary;
 use rt_core::{Device, Hit, Precision, Ray, RaySource, Scene, StreamSpec, Triangle};
 use rt_report::Provenance;
 use rt_report::chart::precision::{self as chart, Front, Point};
 use rt_report::html::Page;
 use rt_report::output;
-use rt_report::table::percent;
 use rt_scene::prepare::Prepared;
 use rt_verify::accuracy::{self, Accuracy, Sampled};
 use serde::Serialize;
@@ -178,13 +178,8 @@ pub(super) fn run(
 /// What the tables do not say: how sure the intervals are, and what graphics cards make of a precision.
 fn notes(rows: &[Row], devices: &[Opened]) -> Vec<String> {
     let least = rows.iter().map(|row| row.mray_s).min_by_key(|mray_s| mray_s.count);
-    let runs = least.map(|Summary { count, confidence, .. }| {
-        format!(
-            "Medians, all precisions in turn; runs of each: {count} at least. The intervals hold the true median {} of the time or more \
-             often{}.",
-            percent(Some(confidence)),
-            if confidence < CONFIDENCE { " (6 runs give 95%)" } else { "" },
-        )
+    let runs = least.map(|least| {
+        format!("Medians, all precisions in turn; runs of each: {} at least. {}", least.count, worth(&least))
     });
     let cards: Vec<&str> = devices.iter().filter(|named| named.card.is_some()).map(|named| &*named.entry).collect();
     let one_kernel = (!cards.is_empty()).then(|| format!("{}: {ONE_KERNEL}", cards.join(", ")));

@@ -1,6 +1,7 @@
 //! What was measured, as CSV, as tables for the terminal and as a table for a report.
 
 use super::Row;
+use crate::intervals::with_interval;
 use rt_balance::stats::Summary;
 use rt_report::table::{Table, grouped, quoted};
 use rt_verify::accuracy::UlpErrors;
@@ -61,7 +62,7 @@ pub(super) fn tables(rows: &[Row]) -> Vec<(String, Table)> {
             row.precision.to_owned(),
             format!("{:.2}", row.mray_s.median),
             format!("{:.3}", row.time_over_fast.median),
-            format!("{:.3} – {:.3}", row.time_over_fast.low, row.time_over_fast.high),
+            row.time_over_fast.interval().map_or_else(String::new, |[low, high]| format!("{low:.3} – {high:.3}")),
             ppm(a.false_misses.ppm),
             format!("{} – {}", ppm(a.false_misses.bounds_ppm[0]), ppm(a.false_misses.bounds_ppm[1])),
             ppm(a.false_hits.ppm),
@@ -109,10 +110,7 @@ pub(super) fn markdown(file: &mut dyn Write, rows: &[Row]) -> io::Result<()> {
     for [fast, robust, double] in rows.as_chunks::<3>().0 {
         let wrong = |row: &Row| ppm(row.accuracy.wrong.ppm);
         let a = &fast.accuracy;
-        let ratio = |row: &Row| {
-            let Summary { median, low, high, .. } = row.time_over_fast;
-            format!("{median:.2} ({low:.2} – {high:.2})")
-        };
+        let ratio = |row: &Row| with_interval(&row.time_over_fast, |ratio| format!("{ratio:.2}"));
         let judged = |row: &Row| row.exact.wrong.count + row.exact.wrong_ambiguous;
         writeln!(
             file,

@@ -164,6 +164,16 @@ fn auto_samples_only_where_that_wins() {
     }
 }
 
+/// Mutant: one device told what its tasks would lose, and that knowing better does not pay.
+#[test]
+fn one_device_has_nothing_to_balance() {
+    let tasks = tasks_of(1 << 16, 1_024);
+    let mut auto = Auto::default();
+    let (_, walked) = estimate(&mut auto, RayStream { devices: 1, ..regime(&tasks, true, 0.0) }, &primary);
+    assert_eq!((walked, auto.chosen()), (0, "uniform"));
+    assert!(auto.reason().expect("it has a choice").starts_with("there is one device"), "{:?}", auto.reason());
+}
+
 /// Of tasks of many rays as many samples are taken as samplers take at least, and paid for.
 ///
 /// Mutants: two samples of each, which is no share of rays that there is; their price that of two.
