@@ -81,7 +81,7 @@ impl Panel {
         let percent = |share: f64| significant(100.0 * share);
         [
             format!("{} tasks; error against the measured time:", errors.tasks),
-            format!("mean {} %, 95th percentile {} %", percent(errors.mean_relative), percent(errors.p95)),
+            format!("mean {}%, 95th percentile {}%", percent(errors.mean_relative), percent(errors.p95)),
         ]
     }
 }
@@ -97,7 +97,7 @@ mod tests {
         assert!((500..=MOST_DOTS).contains(&svg.matches("<circle").count()));
         // After one scale the estimates are right.
         assert!(
-            ["19999 tasks; error against the measured time:", "mean 0.00 %, 95th", "&lt;a&gt;"]
+            ["19999 tasks; error against the measured time:", "mean 0.00%, 95th", "&lt;a&gt;"]
                 .iter()
                 .all(|t| svg.contains(t)),
             "{}",
