@@ -1,5 +1,6 @@
 //! Running other programs.
 
+use crate::setup::is_ci;
 use anyhow::{Context, Result, bail};
 use std::fmt::Display;
 use std::io::{self, Write};
@@ -15,6 +16,10 @@ pub(crate) fn root() -> &'static Path {
 pub(crate) fn cargo(arguments: &str) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args(arguments.split_whitespace()).current_dir(root());
+    if is_ci() {
+        // Nobody builds there again: what a second build would go by is written in vain.
+        command.env("CARGO_INCREMENTAL", "0");
+    }
     command
 }
 
