@@ -97,7 +97,8 @@ fn a_comparison_of_what_is_named_fits_the_terminal() {
     assert!(wide.is_empty(), "{wide:#?}");
     let few = succeeds(&folder, &format!("compare cube.obj {SMALL} --repeat 1 --estimator uniform"));
     assert!(few.out.contains("1 round is too few") && !few.out.contains("%]"), "{}", few.out);
-    let files = ["compare.md", "report.html"].map(|name| fs::read_to_string(folder.at("out/compare").join(name)).unwrap());
+    let files =
+        ["compare.md", "report.html"].map(|name| fs::read_to_string(folder.at("out/compare").join(name)).unwrap());
     assert!(files.iter().all(|text| text.contains("there are no intervals") && !text.contains("%]")));
 }
 

@@ -98,7 +98,7 @@ fn ways(results: &Results) -> Table {
     // One round has no interval.
     let sure = of_default.interval().map(|_| format!(" [{:.0}%]", 100.0 * of_default.confidence));
     let ratio = format!("% of default{}", sure.unwrap_or_default());
-    let mut table = Table::new(&["queue", "policy", "estimate", "trace", &ratio, last, "overhead"]);
+    let mut table = Table::new(&["queue", "policy", "estimate", "trace", &ratio, last, "overhead"]).with_keys(3);
     for way in results.ranked() {
         let median = 100.0 * way.of_default.median;
         let of_default = match way.of_default.interval() {
@@ -207,8 +207,11 @@ fn chart(results: &Results) -> Chart {
 
 fn page(results: &Results, svg: &str) -> Page {
     let (first, last) = (results.seeds.first(), results.seeds.last());
-    let seeds =
-        first.zip(last).map_or_else(String::new, |(first, last)| format!("Seeds {first} to {last} of the rounds."));
+    let seeds = match first.zip(last) {
+        Some((first, last)) if first < last => format!("Seeds {first} to {last} of the rounds."),
+        Some((only, _)) => format!("Seed {only} of the round."),
+        None => String::new(),
+    };
     let mut page = Page::new(&format!("raybalance compare: {}", results.name), &results.provenance, &seeds);
     page.section("What to use");
     page.paragraph(&format!("{}.", subject(results)));

@@ -360,6 +360,16 @@ fn known(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), seconds)
 }
 
+/// What the terminal calls a stage of `report.json`.
+fn stage_name(what: &str) -> &str {
+    match what {
+        "setup" => "set-up",
+        "update" => "moving",
+        "unused_estimate" => "estimates not used",
+        what => what,
+    }
+}
+
 impl fmt::Display for Diff {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "A: {}\nB: {}", self.files[0], self.files[1])?;
@@ -395,8 +405,10 @@ impl fmt::Display for Diff {
         let name = if self.kind == COMPARE { "alone" } else { "busy" };
         for (title, pairs) in [("stage", &self.stages), (name, &self.devices)] {
             let mut table = Table::new(&[title, "A", "B", "B/A"]);
-            for pair in pairs {
-                let cells = [cut(&pair.what), known(pair.seconds[0]), known(pair.seconds[1]), ratio(pair.ratio)];
+            // What neither run did is no difference.
+            for pair in pairs.iter().filter(|pair| pair.seconds.iter().flatten().any(|seconds| *seconds > 0.0)) {
+                let cells =
+                    [cut(stage_name(&pair.what)), known(pair.seconds[0]), known(pair.seconds[1]), ratio(pair.ratio)];
                 table.row(cells.to_vec());
             }
             if table.rows().len() > 1 {

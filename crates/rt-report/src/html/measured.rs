@@ -50,9 +50,11 @@ pub(super) fn add_costs(page: &mut Page, maps: &[CostMap]) {
     page.section("Cost of each task");
     page.paragraph(
         "Device time of the rays of each task, per ray that was traced: as estimated (scaled to what each device took \
-         in all) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task. \
-         Of several frames the first and the most expensive one are shown.",
+         in all) and as measured. Point at a task to read it out; with the keyboard, arrow keys go from task to task.",
     );
+    if maps.iter().any(CostMap::is_of_animation) {
+        page.paragraph("Of the frames the first and the most expensive one are shown.");
+    }
     if let Some(what) = maps.iter().find_map(CostMap::not_used) {
         page.paragraph(&format!(
             "Where no estimate was made, “estimated (not used)” shows {what}: when all was traced, outside the times \

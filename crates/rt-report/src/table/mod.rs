@@ -16,13 +16,21 @@ use std::fmt::Write;
 #[derive(Debug)]
 pub struct Table {
     rows: Vec<Vec<String>>,
+    /// How many of the columns say what a row is about.
+    keys: usize,
 }
 
 impl Table {
     /// A table with nothing but its header.
     #[must_use]
     pub fn new(header: &[&str]) -> Self {
-        Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()] }
+        Self { rows: vec![header.iter().map(|&h| h.to_owned()).collect()], keys: 1 }
+    }
+
+    /// The same of which the first `keys` columns, not the first one alone, say what a row is about.
+    #[must_use]
+    pub fn with_keys(self, keys: usize) -> Self {
+        Self { keys: keys.max(1), ..self }
     }
 
     /// Adds a row.
@@ -71,24 +79,27 @@ impl Table {
         };
         let kept: Vec<usize> = (0..self.rows.first().map_or(0, Vec::len)).filter(says).collect();
         let row = |row: &Vec<String>| kept.iter().map(|&c| row.get(c).cloned().unwrap_or_default()).collect();
-        Self { rows: self.rows.iter().map(row).collect() }
+        let keys = kept.iter().filter(|&&column| column < self.keys).count().max(1);
+        Self { rows: self.rows.iter().map(row).collect(), keys }
     }
 
     /// The table as text of at most `width` columns: where it is wider, what is left of it follows below, with the
-    /// first column again. A single column wider than that stays as it is.
+    /// columns that say what rows are about again. A single column wider than that stays as it is.
     #[must_use]
     pub fn to_text(&self, width: usize) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(|column| self.width(column)).collect();
         let mut blocks: Vec<Vec<usize>> = Vec::new();
-        let first = MARGIN.len() + widths.first().copied().unwrap_or(0);
-        let mut used = first;
-        let mut block = vec![0];
-        for (column, own) in widths.iter().enumerate().skip(1) {
+        let keys: Vec<usize> = (0..self.keys.min(columns)).collect();
+        let keyed = MARGIN.len() + keys.iter().map(|&key| GAP.len() + widths[key]).sum::<usize>();
+        let keyed = keyed.saturating_sub(GAP.len());
+        let mut used = keyed;
+        let mut block = keys.clone();
+        for (column, own) in widths.iter().enumerate().skip(keys.len()) {
             let own = GAP.len() + own;
-            if used + own > width && block.len() > 1 {
-                blocks.push(std::mem::replace(&mut block, vec![0]));
-                used = first;
+            if used + own > width && block.len() > keys.len() {
+                blocks.push(std::mem::replace(&mut block, keys.clone()));
+                used = keyed;
             }
             block.push(column);
             used += own;
@@ -108,7 +119,11 @@ impl Table {
         let shapes: Vec<(usize, usize, bool)> =
             columns.iter().map(|&column| (column, self.width(column), self.is_words(column))).collect();
         let mut text = String::new();
-        for row in &self.rows {
+        // Of what follows below, rows that say nothing more are left out.
+        let own = columns.get(self.keys..).unwrap_or_default();
+        let is_first = own.first().is_none_or(|&column| column == self.keys);
+        let says = |row: &Vec<String>| own.iter().any(|&column| row.get(column).is_some_and(|cell| !cell.is_empty()));
+        for row in self.rows.iter().filter(|row| is_first || says(row)) {
             let mut line = String::from(MARGIN);
             for (index, &(column, width, is_words)) in shapes.iter().enumerate() {
                 let cell = row.get(column).map_or("", String::as_str);
@@ -198,6 +213,21 @@ mod tests {
             "  device    busy  share\n  a card  1.00 s  50.0%\n  all     1.00 s\n\n  device   rays\n  a card  1,024\n  all     1,024\n"
         );
         assert!(text.lines().all(|line| line.chars().count() <= 24));
+        // A row that has nothing in what is left is not repeated. Fails when it is, or goes everywhere.
+        let mut sums = Table::new(&["device", "busy", "share"]);
+        sums.row(["a card", "1.00 s", "50.0%"].map(str::to_owned).to_vec());
+        sums.row(["all", "1.00 s", ""].map(str::to_owned).to_vec());
+        assert_eq!(
+            sums.to_text(20),
+            "  device    busy\n  a card  1.00 s\n  all     1.00 s\n\n  device  share\n  a card  50.0%\n"
+        );
+        // Fails when what is left of a row does not say which it is.
+        let mut ways = Table::new(&["queue", "policy", "time", "share"]).with_keys(2);
+        ways.row(["static", "lpt", "1.00 s", "50.0%"].map(str::to_owned).to_vec());
+        assert_eq!(
+            ways.to_text(25),
+            "  queue   policy    time\n  static  lpt     1.00 s\n\n  queue   policy  share\n  static  lpt     50.0%\n"
+        );
         // What no width can hold is shown all the same.
         assert!(table.to_text(1).lines().count() > 6);
     }

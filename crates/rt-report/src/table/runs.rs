@@ -5,28 +5,37 @@ use rt_balance::report::{ActivityKind, DeviceReport, StreamReport, StreamRun};
 use rt_balance::stats::union;
 use std::fmt::Write;
 
-/// Why each stream's estimate was made as it was, a line for each, or for several of a kind that have the same reason;
-/// streams of estimators that have no choice are left out.
+/// Why estimates were made as they were, a line for each kind of stream, frame and estimator that was chosen: of several
+/// waves the longest one's reason, since they say nearly the same. Streams of estimators that have no choice are left
+/// out.
 #[must_use]
 pub fn reasons(runs: &[StreamRun]) -> String {
     let naming = Naming::of(runs);
     let mut told: Vec<(&StreamReport, u64)> = Vec::new();
-    for report in longest(runs, MOST_ROWS).into_iter().map(|run| &run.report) {
-        let of = |report: &StreamReport| (report.kind.clone(), report.frame, report.estimate.reason.clone());
-        match told.iter_mut().find(|(first, _)| of(first) == of(report)) {
-            Some((_, count)) => *count += 1,
+    for report in runs.iter().map(|run| &run.report).filter(|report| report.estimate.reason.is_some()) {
+        let of = |report: &StreamReport| (report.kind.clone(), report.frame, report.estimate.chosen.clone());
+        match told.iter_mut().find(|(other, _)| of(other) == of(report)) {
+            Some((longest, count)) => {
+                *count += 1;
+                if report.makespan_s > longest.makespan_s {
+                    *longest = report;
+                }
+            }
             None => told.push((report, 1)),
         }
     }
     let line = |(report, count): (&StreamReport, u64)| {
-        let reason = report.estimate.reason.as_ref()?;
         let name = match count {
             1 => naming.of_stream(report),
-            _ => format!("{}, {} waves", Naming { waves: false, ..naming }.of_stream(report), grouped(count)),
+            _ => {
+                let kind = Naming { waves: false, ..naming }.of_stream(report);
+                format!("{kind}, the longest of {} waves", grouped(count))
+            }
         };
-        Some(format!("  {name}: {}, since {reason}\n", report.estimate.chosen))
+        let reason = report.estimate.reason.as_deref().unwrap_or_default();
+        format!("  {name}: {}, since {reason}\n", report.estimate.chosen)
     };
-    told.into_iter().filter_map(line).collect()
+    told.into_iter().take(MOST_ROWS).map(line).collect()
 }
 
 /// How the streams of each kind were balanced, and all of them together.
@@ -406,27 +415,33 @@ mod tests {
         }
     }
 
-    /// Mutants: reasons of another kind, or other ones, taken for the same; a stream without a choice told.
+    /// Mutants: another kind or choice taken for the same; the first or the shortest wave told; a stream without a
+    /// choice told.
     #[test]
-    fn reasons_that_are_the_same_are_told_once() {
-        let of = |kind: &str, wave: u32, reason: Option<&str>| {
+    fn of_several_waves_the_longest_one_tells_why() {
+        let of = |kind: &str, wave: u32, chosen: &str, reason: Option<&str>, makespan_s: f64| {
             let mut run = traced("cpu", 0.99);
-            run.report.kind = kind.to_owned();
-            run.report.wave = wave;
-            run.report.estimate.chosen = "uniform".to_owned();
+            (run.report.kind, run.report.wave, run.report.makespan_s) = (kind.to_owned(), wave, makespan_s);
+            run.report.estimate.chosen = chosen.to_owned();
             run.report.estimate.reason = reason.map(str::to_owned);
             run
         };
-        let same = [0, 1, 2].map(|wave| of("primary", wave, Some("so")));
-        let runs = [&same[..], &[of("shadow 0", 0, Some("so")), of("primary", 3, Some("not so")), of("x", 4, None)]];
-        let told = reasons(&runs.concat());
+        let runs = [
+            of("primary", 0, "uniform", Some("a"), 1.0),
+            of("primary", 1, "uniform", Some("b"), 3.0),
+            of("primary", 2, "uniform", Some("c"), 2.0),
+            of("primary", 3, "exact", Some("d"), 2.0),
+            of("shadow 0", 3, "uniform", Some("e"), 2.0),
+            of("x", 4, "uniform", None, 2.0),
+        ];
+        let told = reasons(&runs);
         let lines: Vec<&str> = told.lines().map(str::trim).collect();
         assert_eq!(
             lines,
             [
-                "primary, 3 waves: uniform, since so",
-                "shadow 0, wave 0: uniform, since so",
-                "primary, wave 3: uniform, since not so"
+                "primary, the longest of 3 waves: uniform, since b",
+                "primary, wave 3: exact, since d",
+                "shadow 0, wave 3: uniform, since e"
             ]
         );
     }

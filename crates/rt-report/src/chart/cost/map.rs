@@ -292,6 +292,11 @@ impl CostMap {
         self.cells.get_mut((y * u64::from(self.size[0]) + x) as usize)
     }
 
+    /// Whether it is of one of several frames.
+    pub(crate) const fn is_of_animation(&self) -> bool {
+        self.frame.is_some()
+    }
+
     /// What the rays are called, such as `shadow 0`; of an animation with the frame.
     #[must_use]
     pub fn name(&self) -> String {
