@@ -3,6 +3,7 @@
 //! * [`scenes`]: real scenes; [`strategy`]: the shapes and rays of `rt_verify` for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.
 //! * [`peers`]: Embree and obvhs behind our traits; [`judge`]: who is right where they differ from us.
+//! * [`cards`]: which graphics cards are worth a test of their own.
 //! * [`fake`]: a correct device without hardware, and flawed ones that the suites must find out.
 //!
 //! The exact reference, brute force, shapes and rays are in `rt_verify`, whose suite users run.
@@ -12,6 +13,7 @@
 //! * The reference tests every ray with every triangle: about 10⁸ tests a second on one core.
 #![forbid(unsafe_code)]
 
+pub mod cards;
 pub mod fake;
 pub mod judge;
 pub mod parity;

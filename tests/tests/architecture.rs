@@ -171,41 +171,6 @@ fn no_crate_outgrows_the_others() {
     assert!(command < COMMAND_LINES, "the command has {command} lines");
 }
 
-/// The words of a line, code spans whole.
-fn words(line: &str) -> impl Iterator<Item = &str> {
-    let mut is_code = false;
-    line.split(move |character| {
-        is_code ^= character == '`';
-        character == ' ' && !is_code
-    })
-}
-
-/// Lines of comments and pages are no wider than those of code, which rustfmt sees to. Tables and what is quoted as
-/// code cannot be broken; nor can a line that one address or code span fills.
-#[test]
-fn comments_and_pages_are_as_wide_as_code() {
-    let settings = read(&root().join("rustfmt.toml"));
-    let width = settings.lines().find_map(|line| line.strip_prefix("max_width = ")?.parse().ok());
-    let width: usize = width.expect("rustfmt.toml states the width");
-    let long = |line: &str| line.chars().count() > width && words(line).all(|word| word.chars().count() < width / 2);
-    let mut wide = Vec::new();
-    for file in files(root(), &[".md", ".rs", ".wgsl"]) {
-        let is_page = file.extension().is_some_and(|extension| extension == "md");
-        let mut is_quoted = false;
-        for (number, line) in (1..).zip(read(&file).lines()) {
-            let comment = line.trim_start().strip_prefix("//");
-            let text = comment.unwrap_or(line).trim_start_matches(['/', '!']).trim_start();
-            if is_page && text.starts_with("```") {
-                is_quoted = !is_quoted;
-            }
-            if (is_page || comment.is_some()) && !is_quoted && !text.starts_with('|') && long(line) {
-                wide.push(format!("{}:{number}", file.strip_prefix(root()).unwrap_or(&file).display()));
-            }
-        }
-    }
-    assert!(wide.is_empty(), "wider than {width}: {wide:#?}");
-}
-
 /// Whoever builds on a crate can match its errors. Fails when a public crate is given errors without a type, or uses a
 /// package that is not public.
 #[test]

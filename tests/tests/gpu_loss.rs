@@ -18,9 +18,10 @@ use rt_core::{
     CountedTree, Device, DeviceErrorKind, Hit, Launch, Ray, RaySource, ReducedWalk, Scene, StreamKind, StreamSpec,
     TestCounts, Walk,
 };
-use rt_gpu::FaultInjection;
+use rt_gpu::{Card, FaultInjection};
 use rt_sched::sample::Fraction;
 use rt_shaders::{FloatControls, Purpose};
+use rt_tests::cards::are_copies;
 use rt_verify::clock;
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
@@ -48,6 +49,7 @@ struct Opening {
 /// A device, and its own account of what it traced.
 struct Opened {
     device: Arc<dyn Device>,
+    card: Card,
     counters: Box<dyn Fn() -> Counted>,
 }
 
@@ -108,7 +110,8 @@ fn trials(backend: Backend) -> Vec<Trial> {
         }
     };
     let mut all = Vec::new();
-    for (index, opened) in found.iter().enumerate() {
+    let are_copies = are_copies(&found.iter().map(|opened| &opened.card).collect::<Vec<_>>());
+    for (index, opened) in found.iter().enumerate().filter(|(index, _)| !are_copies[*index]) {
         let name = opened.device.info().name.to_lowercase();
         let kind = format!("{}/{}/{index}", backend.name, name.split([' ', '(']).next().unwrap_or("device"));
         for (name, case) in CASES {
@@ -155,7 +158,7 @@ fn all<T: GpuDevice + 'static>(devices: impl Iterator<Item = T>) -> Result<Vec<O
         let device = Arc::new(device);
         let of: Arc<T> = Arc::clone(&device);
         let counters = move || Counted { rays: of.counters().rays(), on_host: of.counters().on_host() };
-        Opened { device, counters: Box::new(counters) }
+        Opened { card: device.card().clone(), device, counters: Box::new(counters) }
     };
     let found: Vec<Opened> = devices.map(opened).collect();
     if found.is_empty() { Err("no device can be used".to_owned()) } else { Ok(found) }

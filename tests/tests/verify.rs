@@ -41,9 +41,11 @@ fn finds(case: &str, flaw: Flaw) -> bool {
     verdict(FakeDevice::flawed(flaw))
 }
 
-/// Tries the whole suite with these instructions, if this processor has them.
+/// Tries the whole suite with these instructions, if this processor has them; but for its best, which `cargo xtask
+/// test` tries with more rays.
 fn keeps_every_promise(isa: Isa) {
-    if !Isa::available().contains(&isa) {
+    let available = Isa::available();
+    if !available.contains(&isa) || available.last() == Some(&isa) {
         return;
     }
     let report = suite().run(&cpu_with(Some(isa), Precision::Robust), Watch::default()).expect("nobody stops it");
@@ -60,11 +62,6 @@ fn portable_instructions_keep_every_promise() {
 #[test]
 fn avx2_keeps_every_promise() {
     keeps_every_promise(Isa::Avx2);
-}
-
-#[test]
-fn avx512_keeps_every_promise() {
-    keeps_every_promise(Isa::Avx512);
 }
 
 #[test]

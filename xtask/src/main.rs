@@ -17,6 +17,7 @@ mod setup;
 mod test;
 mod unsafe_code;
 mod vulkan;
+mod width;
 mod workspace;
 
 use command::{complain, say};

@@ -4,7 +4,7 @@ use crate::command::{cargo, run, say};
 use crate::deny::{self, Availability};
 use crate::setup::{Setup, is_ci, setup};
 use crate::workspace::{FACADE, Packages};
-use crate::{embree, no_std, python, unsafe_code, vulkan};
+use crate::{embree, no_std, python, unsafe_code, vulkan, width};
 use anyhow::Result;
 use std::time::{Duration, Instant};
 
@@ -88,6 +88,7 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     };
     let mut steps = vec![
         command("formatting", cargo("fmt --all --check")),
+        Step { name: "width of lines".to_owned(), check: Check::Function(width::check) },
         command("lints", cargo(&format!("clippy --workspace --all-targets {features} -- -D warnings"))),
     ];
     let deny = match deny::availability() {

@@ -249,7 +249,7 @@ fn killed(dir: &Path, ranks: u32, rank: u32, recovers: bool, bytes: u64) -> Outp
 
 /// How often a rank is killed: `RAYBALANCE_TRIALS` for more.
 fn trials() -> u32 {
-    std::env::var("RAYBALANCE_TRIALS").ok().and_then(|trials| trials.parse().ok()).unwrap_or(6)
+    std::env::var("RAYBALANCE_TRIALS").ok().and_then(|trials| trials.parse().ok()).unwrap_or(4)
 }
 
 /// Fails when the tiles of a killed rank are lost or counted twice, or when the others wait for it.

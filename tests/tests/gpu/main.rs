@@ -1,9 +1,9 @@
 //! GPU backends: the conformance suite, bit for bit the processor's hits and counts on real scenes, closed meshes that
 //! do not leak, how many rays are left to the host, and what each backend does when things go wrong.
 //!
-//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed. Without a
-//! device the tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be
-//! there.
+//! Every device that a backend lists is tried, Vulkan's with the validation layer where it is installed; of a software
+//! driver that is there several times the first, and the others with one scene and all together. Without a device the
+//! tests are ignored with the reason, unless `RT_REQUIRE` names the backend: then device and layer must be there.
 
 mod contraction;
 mod hits;
@@ -22,6 +22,7 @@ use rt_core::Device;
 use rt_gpu::{FaultInjection, GpuDevice, Tuning};
 use rt_report::print::note;
 use rt_scene::builtin;
+use rt_tests::cards::are_copies;
 use rt_tests::scenes;
 use std::fmt::Display;
 use std::sync::Arc;
@@ -122,19 +123,27 @@ fn main() {
     let mut devices = Vec::new();
     for backend in [Backend::Vulkan, Backend::Wgpu] {
         let (found, mut subjects) = find(backend);
-        subjects.extend(found.iter().map(|found| {
+        let are_copies = are_copies(&found.iter().map(|found| found.device.card()).collect::<Vec<_>>());
+        let own = || found.iter().zip(&are_copies).filter(|(_, is_copy)| !**is_copy).map(|(found, _)| found);
+        subjects.extend(own().map(|found| {
             let name = format!("{}/", backend.name());
             let device: Arc<dyn Device> = found.device.clone();
             Subject::new(backend.name(), found.label.trim_start_matches(&name), Ok(device))
         }));
         all.extend(trials(subjects));
         let count = found.len();
-        all.extend(found.iter().flat_map(|found| of_device(found, count)));
+        all.extend(own().flat_map(|found| of_device(found, count)));
+        let copies = found.iter().zip(&are_copies).filter(|(_, is_copy)| **is_copy);
+        all.extend(copies.map(|(found, _)| builtin_car(found)));
         all.extend(visits::trials(backend, &found));
         devices.extend(found);
     }
     all.extend(mixed::trials(&devices));
     run(&arguments, all).exit();
+}
+
+fn builtin_car(found: &Found) -> Trial {
+    found.trial("builtin_car_is_the_processors", |found| hits::compare(&*found.device, &builtin::car()))
 }
 
 /// The tests of one of `count` devices of a backend.
@@ -145,7 +154,7 @@ fn of_device(found: &Found, count: usize) -> Vec<Trial> {
         found
             .trial("tiny_triangles_close_by_are_the_processors", |found| hits::tiny_triangles_close_by(&*found.device)),
         found.trial("builtin_yard_is_the_processors", |found| hits::compare(&*found.device, &builtin::yard())),
-        found.trial("builtin_car_is_the_processors", |found| hits::compare(&*found.device, &builtin::car())),
+        builtin_car(found),
         found.trial("too_many_rays_are_refused_with_their_size", limits::too_many_rays_are_refused_with_their_size),
     ];
     all.extend(match found.backend {
