@@ -80,8 +80,8 @@ fn a_comparison_measures_every_way_in_every_round() {
     assert!(page.contains(sentence) && page.contains("<svg role=\"img\""), "{sentence}");
 }
 
-/// Mutants: ways that were not asked for; a table wider than a terminal; verdict or command left out; an interval of one
-/// round.
+/// Mutants: ways that were not asked for; a table wider than a terminal; verdict or command left out; an interval of
+/// one round.
 #[test]
 fn a_comparison_of_what_is_named_fits_the_terminal() {
     let folder = folder();

@@ -5,9 +5,9 @@ use rt_balance::report::{ActivityKind, DeviceReport, StreamReport, StreamRun};
 use rt_balance::stats::union;
 use std::fmt::Write;
 
-/// Why estimates were made as they were, a line for each kind of stream, frame and estimator that was chosen: of several
-/// waves the longest one's reason, since they say nearly the same. Streams of estimators that have no choice are left
-/// out.
+/// Why estimates were made as they were, a line for each kind of stream, frame and estimator that was chosen: of
+/// several waves the longest one's reason, since they say nearly the same. Streams of estimators that have no choice
+/// are left out.
 #[must_use]
 pub fn reasons(runs: &[StreamRun]) -> String {
     let naming = Naming::of(runs);
