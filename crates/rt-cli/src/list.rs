@@ -7,6 +7,7 @@ use rt_balance::devices::{Api, CardOptions, Found};
 use rt_balance::vulkan::Card;
 use rt_core::Device;
 use rt_report::print::Stdout;
+use rt_report::terminal::{self, wrapped};
 use rt_scene::prepare::generate;
 use rt_scene::scenes;
 use serde_json::json;
@@ -90,16 +91,14 @@ pub(crate) fn devices(as_json: bool) -> Result<()> {
         let binding = mebibytes(entry.card.map(|card| card.binding));
         table.row(vec![entry.spec, entry.name, memory, in_flight, binding, driver]);
     }
-    write!(Stdout, "{table}")?;
+    let width = terminal::columns();
+    write!(Stdout, "{}", table.to_text(width))?;
     for error in missing {
-        writeln!(Stdout, "\n  {error}")?;
+        writeln!(Stdout, "\n{}", wrapped(&format!("  {error}"), "  ", width))?;
     }
-    writeln!(
-        Stdout,
-        "\n  cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed; auto takes every \
-         core\n  and every graphics card, software only when named."
-    )?;
-    Ok(())
+    let how = "  cpu:1,cpu:1 makes two devices of one thread, cpu:2 one of two, cpu:1@0.5 one at half speed; auto takes every \
+               core and every graphics card, software only when named.";
+    Ok(writeln!(Stdout, "\n{}", wrapped(how, "  ", width))?)
 }
 
 fn gpu_entry(api: Api, index: usize, found: &Found) -> Entry {
@@ -135,11 +134,11 @@ pub(crate) fn scenes(as_json: bool) -> Result<()> {
         writeln!(Stdout, "{}", serde_json::to_string_pretty(&entries.map(object).to_vec())?)?;
         return Ok(());
     }
-    let mut table = Table::new(&["scene", "triangles", ""]);
+    let width = terminal::columns();
     for (entry, triangles) in entries {
-        table.row(vec![entry.name.to_owned(), grouped(triangles as u64), entry.description.to_owned()]);
+        let line = format!("  {:<4}  {} triangles, {}", entry.name, grouped(triangles as u64), entry.description);
+        writeln!(Stdout, "{}", wrapped(&line, "        ", width))?;
     }
-    write!(Stdout, "{table}")?;
-    writeln!(Stdout, "\n  Any file of triangles can be given instead (OBJ, PLY, STL, glTF): raybalance render FILE")?;
-    Ok(())
+    let files = "  Or any file of triangles (OBJ, PLY, STL, glTF): raybalance FILE";
+    Ok(writeln!(Stdout, "\n{}", wrapped(files, "  ", width))?)
 }

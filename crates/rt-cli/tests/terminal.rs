@@ -39,3 +39,13 @@ fn a_run_fits_the_terminal_and_ends_with_its_headline() {
         assert!(headline.starts_with("2 devices were busy "), "{headline}");
     }
 }
+
+/// Fails when a description is as wide as it likes.
+#[test]
+fn the_list_of_scenes_fits_the_terminal() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_raybalance"));
+    let run = command.arg("scenes").env("COLUMNS", "80").output().expect("the program starts");
+    let text = String::from_utf8(run.stdout).expect("text");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(["yard", "213,802 triangles", "car", "raybalance FILE"].iter().all(|part| text.contains(part)), "{text}");
+}

@@ -57,8 +57,8 @@ impl Plan {
     pub fn new(scan: &Scan) -> Self {
         let mut reasons = Vec::new();
         let precision = precision(scan, &mut reasons);
-        let id_bits = if scan.triangles <= 1 << 16 { 16 } else { 32 };
-        reasons.push(format!("{id_bits}-bit primitive ids: {} triangles", scan.triangles));
+        let (id_bits, than) = if scan.triangles <= 1 << 16 { (16, "no more than") } else { (32, "more than") };
+        reasons.push(format!("{id_bits}-bit primitive ids: {than} 65,536 triangles"));
         let materials = scan.colours > 1;
         reasons.push(if materials {
             format!("materials are looked up: {} colours", scan.colours)
@@ -179,6 +179,7 @@ mod tests {
         }
         let plan = plan(|s| (s.triangles, s.colours, s.degenerate) = (65_537, 3, 7));
         assert_eq!((plan.id_bits, plan.materials), (32, true));
+        assert!(plan.reasons.contains(&"32-bit primitive ids: more than 65,536 triangles".to_owned()));
         assert!(plan.reasons.iter().any(|r| r.starts_with("7 triangles can be left out")), "{:?}", plan.reasons);
     }
 
