@@ -71,11 +71,15 @@ pub enum Flaw {
     Unsorted,
     /// Primitives that a mask hides are hit.
     SeesHidden,
+    /// Walks know no masks.
+    WalksSeeHidden,
+    /// Walks of several hits cost what the nearest does.
+    WalksEndAtNearest,
 }
 
 impl Flaw {
     /// All of them.
-    pub const ALL: [Self; 28] = [
+    pub const ALL: [Self; 30] = [
         Self::Misses,
         Self::WrongTie,
         Self::IgnoresOrigins,
@@ -104,6 +108,8 @@ impl Flaw {
         Self::RefusesExtras,
         Self::Unsorted,
         Self::SeesHidden,
+        Self::WalksSeeHidden,
+        Self::WalksEndAtNearest,
     ];
 }
 
@@ -326,10 +332,16 @@ impl FakeTracer {
         let sink = |hit, counts| answer = (hit, counts);
         let rays = std::iter::once((ray, origin));
         match (walk, &self.wide) {
-            // Counting knows no masks.
-            (Some(Walk::Full), None) if self.scene.hides(self.spec.mask) => {
-                let spec = StreamSpec { query: Query::Closest, counts: true, ..self.spec };
-                rt_bvh::trace(&self.scene, stack, spec, rays, sink);
+            // Counting knows neither masks nor several hits.
+            (Some(Walk::Full), None) if self.asks_for_more_than_counting() => {
+                let query = match self.spec.query {
+                    Query::All { .. } if !self.has(Flaw::WalksEndAtNearest) => self.spec.query,
+                    _ => Query::Closest,
+                };
+                let mask = if self.has(Flaw::WalksSeeHidden) { u32::MAX } else { self.spec.mask };
+                let spec = StreamSpec { query, mask, counts: true, ..self.spec };
+                let mut sink = sink;
+                rt_bvh::trace_several(&self.scene, stack, spec, rays, |hits, counts| sink(hits[0], counts));
             }
             (Some(walk), None) => rt_bvh::count(&self.scene, stack, walk, self.spec.precision, rays, sink),
             (None, None) => rt_bvh::trace(&self.scene, stack, self.spec, rays, sink),
@@ -337,6 +349,11 @@ impl FakeTracer {
             (None, Some(tree)) => rt_bvh::trace_wide(tree, stack, self.spec, rays, sink),
         }
         answer
+    }
+
+    /// Whether the stream is one of several hits, or its mask hides something.
+    fn asks_for_more_than_counting(&self) -> bool {
+        matches!(self.spec.query, Query::All { .. }) || self.scene.hides(self.spec.mask)
     }
 
     /// Several hits of one ray.

@@ -184,17 +184,28 @@ fn public_crates_have_errors_of_their_own_types() {
     }
 }
 
+/// The crates that a package is built from, itself among them, by such edges of cargo's: names and versions.
+fn linked(package: &str, edges: &str) -> BTreeSet<String> {
+    let arguments =
+        ["tree", "--offline", "--package", package, "--edges", edges, "--prefix", "none", "--format", "{p}"];
+    let text = String::from_utf8_lossy(&cargo(&arguments)).into_owned();
+    let crates = text.lines().filter(|line| !line.is_empty());
+    crates.map(|line| line.split_whitespace().take(2).collect::<Vec<_>>().join(" ")).collect()
+}
+
+/// Whoever embeds the default facade builds few crates, what their builds need among them.
+#[test]
+fn the_facade_is_small() {
+    const MOST: usize = 35;
+    let crates = linked("rt-balance", "normal,build");
+    assert!((10..=MOST).contains(&crates.len()), "{} crates: {crates:?}", crates.len());
+}
+
 /// Vulkan devices are not wgpu's in disguise. Fails when backend-vulkan gets wgpu as a dependency, also through
 /// another.
 #[test]
 fn the_vulkan_backend_links_no_wgpu() {
-    let linked = |package: &str| {
-        let format = ["--edges", "normal", "--prefix", "none", "--format", "{p}"];
-        let tree = cargo(&[&["tree", "--offline", "--package", package][..], &format].concat());
-        let text = String::from_utf8_lossy(&tree).into_owned();
-        text.lines().filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect::<Vec<_>>()
-    };
-    let has = |package: &str, prefix: &str| linked(package).iter().any(|name| name.starts_with(prefix));
+    let has = |package: &str, prefix: &str| linked(package, "normal").iter().any(|name| name.starts_with(prefix));
     assert!(has("backend-vulkan", "ash") && !has("backend-vulkan", "wgpu") && !has("backend-vulkan", "naga"));
     // The question can be answered with yes.
     assert!(has("backend-wgpu", "wgpu"));

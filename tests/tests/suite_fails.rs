@@ -92,6 +92,8 @@ fn every_flaw_is_found_out() {
             Flaw::TrustsRoundings => "reports_the_defined_bits",
             Flaw::Unsorted => "several_hits_are_those_of_every_triangle",
             Flaw::SeesHidden => "hidden_primitives_are_passed_by",
+            Flaw::WalksSeeHidden => "walks_pass_by_hidden_primitives",
+            Flaw::WalksEndAtNearest => "walks_of_several_hits_count_what_launches_do",
             // Need ids and magnitudes that the small scenes of this suite do not have; `verify` finds them.
             Flaw::RoundedIds | Flaw::LosesDetails => continue,
         };

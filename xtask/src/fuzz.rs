@@ -4,8 +4,8 @@ use crate::command::{cargo, complain, root, run, succeeds};
 use crate::nightly;
 use anyhow::{Context, Result, bail};
 
-/// The programs in `fuzz/fuzz_targets`.
-const TARGETS: [&str; 5] = ["obj", "npy", "geometry", "predicates", "scheduling"];
+/// Where the programs are.
+const PROGRAMS: &str = "fuzz/fuzz_targets";
 
 /// Longest input in bytes: enough for some hundred triangles and rays.
 const LONGEST: u32 = 8192;
@@ -23,13 +23,14 @@ pub(crate) fn fuzz(minutes: u32) -> Result<()> {
         run(cargo("install cargo-fuzz --locked --root").arg(root().join(nightly::TOOLS)))
             .context("installing cargo-fuzz")?;
     }
-    let seconds = (minutes * 60 / TARGETS.len() as u32).max(1);
+    let targets = targets()?;
+    let seconds = (minutes * 60 / targets.len().max(1) as u32).max(1);
     let mut broken = Vec::new();
-    for target in TARGETS {
-        let found = root().join("fuzz/target/corpus").join(target);
+    for target in targets {
+        let found = root().join("fuzz/target/corpus").join(&target);
         std::fs::create_dir_all(&found).with_context(|| format!("cannot make {}", found.display()))?;
         let mut command = nightly::cargo("fuzz run");
-        command.arg(target).arg(found).arg(root().join("fuzz/corpus").join(target));
+        command.arg(&target).arg(found).arg(root().join("fuzz/corpus").join(&target));
         command.arg("--").arg(format!("-max_total_time={seconds}"));
         command.args([format!("-max_len={LONGEST}"), format!("-rss_limit_mb={MEMORY}"), "-timeout=20".to_owned()]);
         if let Err(error) = run(&mut command) {
@@ -41,4 +42,17 @@ pub(crate) fn fuzz(minutes: u32) -> Result<()> {
         return Ok(());
     }
     bail!("{} broke: the inputs are in fuzz/artifacts; move them to fuzz/corpus/TARGET and mend", broken.join(", "))
+}
+
+/// Their names, in order.
+fn targets() -> Result<Vec<String>> {
+    let folder = root().join(PROGRAMS);
+    let context = || format!("cannot read `{}`", folder.display());
+    let mut names = Vec::new();
+    for file in std::fs::read_dir(&folder).with_context(context)? {
+        let path = file.with_context(context)?.path();
+        names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
+    }
+    names.sort_unstable();
+    Ok(names)
 }

@@ -14,31 +14,57 @@ pub(crate) const WINDOW: usize = 1024;
 
 /// Trees that devices opened together have in common, so that a scene's is made and held once.
 #[derive(Debug, Default)]
-pub(crate) struct Trees(Mutex<Vec<(Weak<Scene>, Weak<BlockTree>)>>);
+pub(crate) struct Trees(Mutex<Vec<Known>>);
+
+/// A tree that somebody traces.
+#[derive(Debug)]
+struct Known {
+    scene: Weak<Scene>,
+    /// The mask whose hidden triangles it is without; `None`: it has all.
+    mask: Option<u32>,
+    tree: Weak<BlockTree>,
+}
 
 impl Trees {
     /// The scene's tree; `None` where it has too many triangles for one.
     pub(crate) fn of(&self, scene: &Arc<Scene>) -> Option<Arc<BlockTree>> {
+        let make = |trees: &[Known]| {
+            // Of a scene that has moved since there is one that only needs to be fitted.
+            let moved = find(trees, None, |known| known.has_tree_of(scene)).and_then(|tree| tree.refit(scene));
+            moved.map_or_else(|| BlockTree::new(scene), Some)
+        };
+        self.known_or(scene, None, make)
+    }
+
+    /// The same without what `mask` hides, of the one that has all.
+    fn shown(&self, scene: &Arc<Scene>, all: &BlockTree, mask: u32) -> Option<Arc<BlockTree>> {
+        self.known_or(scene, Some(mask), |_| Some(all.of_shown(|primitive| scene.shows(primitive, mask))))
+    }
+
+    /// A tree that somebody has already, or else what `make` makes of those that there are.
+    fn known_or(
+        &self,
+        scene: &Arc<Scene>,
+        mask: Option<u32>,
+        make: impl FnOnce(&[Known]) -> Option<BlockTree>,
+    ) -> Option<Arc<BlockTree>> {
         // A panic of whoever had it leaves the list whole.
         let mut trees = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        trees.retain(|(scene, tree)| scene.strong_count() > 0 && tree.strong_count() > 0);
-        let find = |is_it: &dyn Fn(&Arc<Scene>) -> bool| {
-            let known = trees.iter().find(|(known, _)| known.upgrade().is_some_and(|known| is_it(&known)));
-            known.and_then(|(_, tree)| tree.upgrade())
-        };
-        if let Some(tree) = find(&|known| Arc::ptr_eq(known, scene)) {
+        trees.retain(|known| known.scene.strong_count() > 0 && known.tree.strong_count() > 0);
+        if let Some(tree) = find(&trees, mask, |known| Arc::ptr_eq(known, scene)) {
             return Some(tree);
         }
-        // Of a scene that has moved since there is one that only needs to be fitted.
-        let fitted = find(&|known| known.has_tree_of(scene)).and_then(|tree| tree.refit(scene));
-        let tree = Arc::new(match fitted {
-            Some(tree) => tree,
-            None => BlockTree::new(scene)?,
-        });
+        let tree = Arc::new(make(&trees)?);
         use_large_pages(&tree);
-        trees.push((Arc::downgrade(scene), Arc::downgrade(&tree)));
+        trees.push(Known { scene: Arc::downgrade(scene), mask, tree: Arc::downgrade(&tree) });
         Some(tree)
     }
+}
+
+/// The first tree for a mask whose scene `is_it`.
+fn find(trees: &[Known], mask: Option<u32>, is_it: impl Fn(&Arc<Scene>) -> bool) -> Option<Arc<BlockTree>> {
+    let of_mask = trees.iter().filter(|known| known.mask == mask);
+    of_mask.filter(|known| known.scene.upgrade().is_some_and(|scene| is_it(&scene))).find_map(|it| it.tree.upgrade())
 }
 
 /// How scenes are brought into the layout of the kernels.
@@ -55,8 +81,16 @@ impl Layout {
 
     /// The scene for the kernels; `None` where it has too many triangles for them.
     pub(crate) fn of(&self, scene: &Arc<Scene>) -> Option<Launches> {
-        let tree = self.trees.of(scene)?;
-        Some(Launches { kernel: self.kernel, tree, idle: Mutex::default() })
+        self.trees.of(scene).map(|tree| self.launches(tree))
+    }
+
+    /// The scene without what `mask` hides, of its launches that have all.
+    pub(crate) fn shown(&self, scene: &Arc<Scene>, all: &Launches, mask: u32) -> Option<Launches> {
+        self.trees.shown(scene, &all.tree, mask).map(|tree| self.launches(tree))
+    }
+
+    fn launches(&self, tree: Arc<BlockTree>) -> Launches {
+        Launches { kernel: self.kernel, tree, idle: Mutex::default() }
     }
 }
 
@@ -84,13 +118,12 @@ pub(crate) struct Results<'a> {
 }
 
 impl Launches {
-    /// Whether these kernels trace a stream in a scene, and count it where it or a walk is `counted`. `robust` and
-    /// `f64` are the same hits; nothing here is `fast`'s, and what is counted are tests of this tree. They find one hit
-    /// of a ray and know no masks.
-    pub(crate) fn suit(scene: &Scene, spec: StreamSpec, counted: bool) -> bool {
+    /// Whether these kernels trace a stream, and count it where it or a walk is `counted`. `robust` and `f64` are the
+    /// same hits; nothing here is `fast`'s, and what is counted are tests of this tree. They find one hit of a ray.
+    pub(crate) const fn suit(spec: StreamSpec, counted: bool) -> bool {
         let needs_scene = counted && matches!(spec.counted, CountedTree::Scene);
         let has_one_hit = !matches!(spec.query, Query::All { .. });
-        !needs_scene && !matches!(spec.precision, Precision::Fast) && has_one_hit && !scene.hides(spec.mask)
+        !needs_scene && !matches!(spec.precision, Precision::Fast) && has_one_hit
     }
 
     /// Traces the rays of a range of a stream. Those that are done miss; beside their mask stands whether they are

@@ -12,10 +12,11 @@
 //! What is counted, in samples, reduced walks and launches alike, are the tests of a ray that walks that tree alone,
 //! whatever its company ([`rt_simd::Kernel::count`]): so prices fit. Samples of a task come in the stream's order,
 //! along the Z-curve: so sparse ones are compacted into packets of near neighbours. Where a stream asks for counts of
-//! the scene's own tree, which other devices count too, where it asks for several hits of a ray or has a mask that
-//! hides primitives, and where it asks for the precision `fast`, single rays walk that.
+//! the scene's own tree, which other devices count too, where it asks for several hits of a ray, and where it asks for
+//! the precision `fast`, single rays walk that. A stream whose mask hides primitives has a tree without those, which is
+//! made when its rays are loaded and kept for the next, with three others; or, of few rays, walks alone too.
 //!
-//! Current state and limits: such streams, and scenes of more than 5 · 10⁸ leaves, take several times as long a ray;
+//! Current state and limits: single rays, and those of scenes of more than 5 · 10⁸ leaves, take several times as long;
 //! cores are taken in the order the system lists them, without regard to hyper-threads or NUMA nodes.
 #![forbid(unsafe_code)]
 
@@ -23,6 +24,7 @@ mod device;
 mod executor;
 mod instructions;
 mod launches;
+mod masked;
 mod stopwatch;
 mod tracer;
 

@@ -2,6 +2,7 @@
 
 use crate::executor::Executor;
 use crate::launches::{Launches, Layout, Results, WINDOW};
+use crate::masked::Masked;
 use crate::stopwatch::Stopwatch;
 use rt_bvh::Stack;
 use rt_core::arguments::{check_load, check_move, check_submit, check_walk, invalid};
@@ -29,6 +30,7 @@ const FEW_DONE: u32 = 4;
 pub(crate) struct CpuTracer {
     jobs: Sender<Job>,
     layout: Layout,
+    scene: Arc<Scene>,
     rays: u32,
     source: RaySource,
     spec: StreamSpec,
@@ -47,6 +49,12 @@ enum Job {
     Move {
         scene: Arc<Scene>,
         launches: Option<Launches>,
+    },
+    /// To get ready for so many rays of a stream whose mask hides something.
+    Show {
+        spec: StreamSpec,
+        rays: u32,
+        ready: Sender<()>,
     },
     Trace {
         source: RaySource,
@@ -87,7 +95,8 @@ impl CpuTracer {
     ) -> Result<Self, DeviceError> {
         let (jobs, inbox) = channel();
         let launches = layout.of(&scene);
-        let worker = Worker { executor, launches, scene, clock };
+        let (masked, own) = (Masked::default(), Arc::clone(&scene));
+        let worker = Worker { executor, layout: layout.clone(), launches, masked, scene: own, clock };
         // Detached on purpose: dropping the tracer closes the channel and the thread ends after its launch; joining
         // would make a lost tracer's owner wait for it.
         std::thread::Builder::new().name("rt-cpu-launch".to_owned()).spawn(move || worker.run(&inbox)).map_err(
@@ -96,6 +105,7 @@ impl CpuTracer {
         Ok(Self {
             jobs,
             layout,
+            scene,
             rays: 0,
             source: no_rays(),
             spec: StreamSpec::default(),
@@ -125,11 +135,17 @@ impl Tracer for CpuTracer {
         check_move(self.in_flight.len())?;
         let launches = self.layout.of(&scene);
         (self.source, self.rays) = (no_rays(), 0);
+        self.scene = Arc::clone(&scene);
         self.send(Job::Move { scene, launches })
     }
 
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError> {
         check_load(&source, self.in_flight.len())?;
+        if self.scene.hides(spec.mask) {
+            let (ready, is_ready) = channel();
+            self.send(Job::Show { spec, rays: source.len(), ready })?;
+            is_ready.recv().map_err(|_| lost())?;
+        }
         self.rays = source.len();
         self.source = source;
         self.spec = spec;
@@ -193,8 +209,11 @@ impl Tracer for CpuTracer {
 /// The tracer's thread.
 struct Worker {
     executor: Arc<Executor>,
+    layout: Layout,
     /// What traces and walks nearly everything; absent for a scene of too many triangles.
     launches: Option<Launches>,
+    /// The same for streams whose masks hide something.
+    masked: Masked,
     scene: Arc<Scene>,
     clock: Clock,
 }
@@ -216,7 +235,15 @@ impl Worker {
         // Ends when the tracer is dropped. A reply nobody waits for any more is not an error.
         for job in inbox {
             match job {
-                Job::Move { scene, launches } => (self.scene, self.launches) = (scene, launches),
+                Job::Move { scene, launches } => {
+                    (self.scene, self.launches, self.masked) = (scene, launches, Masked::default());
+                }
+                Job::Show { spec, rays, ready } => {
+                    if let Some(all) = &self.launches {
+                        self.masked.prepare(&self.layout, &self.scene, all, spec, rays);
+                    }
+                    let _ = ready.send(());
+                }
                 Job::Trace { source, spec, tasks, done, mut out, reply } => {
                     self.trace(&source, spec, &tasks, done.as_deref(), &mut out);
                     let _ = reply.send(out);
@@ -227,6 +254,12 @@ impl Worker {
                 }
             }
         }
+    }
+
+    /// The kernels for a stream, and its walks where those are `counted`; `None` where its rays go alone.
+    fn launches_for(&self, source: &RaySource, spec: StreamSpec, counted: bool) -> Option<&Launches> {
+        let all = self.launches.as_ref().filter(|_| Launches::suit(spec, counted))?;
+        if self.scene.hides(spec.mask) { self.masked.of(&self.scene, spec.mask, source.len()) } else { Some(all) }
     }
 
     fn timed(&self, work: impl FnOnce()) -> Span {
@@ -275,7 +308,7 @@ impl Worker {
         let range = piece.rays.clone();
         let is_done = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
         let number = done.map_or(0, |mask| mask.count_in(range.clone()));
-        if let Some(launches) = self.launches.as_ref().filter(|_| Launches::suit(&self.scene, spec, spec.counts)) {
+        if let Some(launches) = self.launches_for(source, spec, spec.counts) {
             let done = done.filter(|_| number > 0).map(|mask| (mask, number > range.len() as u32 / FEW_DONE));
             launches.trace(source, spec, range, done, Results { hits: piece.hits, counts: piece.counts });
         } else {
@@ -321,7 +354,7 @@ impl Worker {
             let mut results = Results { hits, counts };
             let pieces = rays.chunks(chunk_of(rays.len(), self.executor.threads()));
             let pieces = pieces.map(|rays| (rays, results.split_off(rays.len()))).collect();
-            let launches = self.launches.as_ref().filter(|_| Launches::suit(&self.scene, spec, true));
+            let launches = self.launches_for(source, spec, true);
             self.executor.for_each(
                 pieces,
                 || Stack::for_scene(&self.scene),

@@ -21,19 +21,46 @@ pub struct VulkanDevice {
     pub(crate) shared: Arc<Shared>,
 }
 
+/// A device that is not open yet. Those that were listed together share Vulkan's instance.
+#[derive(Clone, Debug)]
+pub struct ListedDevice {
+    instance: Arc<Instance>,
+    physical: vk::PhysicalDevice,
+    options: Options,
+}
+
+impl ListedDevice {
+    /// Opens the device, and no other.
+    ///
+    /// # Errors
+    /// When it cannot be used, with the reason.
+    pub fn open(&self) -> Result<VulkanDevice, OpenError> {
+        VulkanDevice::open(&self.instance, self.physical, self.options)
+    }
+}
+
 impl VulkanDevice {
-    /// Opens every device, in the order in which Vulkan lists them; in place of one that cannot be used stands the
-    /// reason. Several devices may have the same name.
+    /// Every device of the system, none of which is open yet, in the order in which Vulkan lists them. Several may have
+    /// the same name.
     ///
     /// # Errors
     /// When there is no Vulkan, or no device at all.
-    pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
+    pub fn list(options: Options) -> Result<Vec<ListedDevice>, OpenError> {
         let instance = Arc::new(Instance::new(options.validation)?);
         let found = instance.physical_devices()?;
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.into_iter().map(|physical| Self::open(&instance, physical, options)).collect())
+        let listed = |physical| ListedDevice { instance: Arc::clone(&instance), physical, options };
+        Ok(found.into_iter().map(listed).collect())
+    }
+
+    /// Opens every device of [`VulkanDevice::list`]; in place of one that cannot be used stands the reason.
+    ///
+    /// # Errors
+    /// When there is no Vulkan, or no device at all.
+    pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
+        Ok(Self::list(options)?.iter().map(ListedDevice::open).collect())
     }
 
     fn open(instance: &Arc<Instance>, physical: vk::PhysicalDevice, options: Options) -> Result<Self, OpenError> {

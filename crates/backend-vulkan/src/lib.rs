@@ -1,10 +1,10 @@
 //! Vulkan devices for raybalance: graphics cards, and Mesa's software rasteriser lavapipe.
 //!
-//! [`VulkanDevice::enumerate`] opens every device of the system. A device decides which triangle each ray hits and
-//! counts tests, by the kernels of `rt_shaders`; the host computes t, u and v of the hits it reads back from ray and
-//! triangle. Rays that rounding leaves in doubt are traced on the host when their launch is waited for
-//! ([`GpuDevice::counters`] says how many). A device that does not round as the kernels rely on is refused when it is
-//! opened. So hits and counts are, bit for bit, those of the CPU devices.
+//! [`VulkanDevice::enumerate`] opens every device of the system, [`VulkanDevice::list`] leaves the choice. A device
+//! decides which triangle each ray hits and counts tests, by the kernels of `rt_shaders`; the host computes t, u and v
+//! of the hits it reads back from ray and triangle. Rays that rounding leaves in doubt are traced on the host when
+//! their launch is waited for ([`GpuDevice::counters`] says how many). A device that does not round as the kernels rely
+//! on is refused when it is opened. So hits and counts are, bit for bit, those of the CPU devices.
 //!
 //! # Current state and limits
 //!
@@ -43,7 +43,7 @@ mod shared;
 mod timeline;
 mod upload;
 
-pub use device::VulkanDevice;
+pub use device::{ListedDevice, VulkanDevice};
 pub use error::OpenError;
 pub use options::Options;
 #[cfg(feature = "test-support")]

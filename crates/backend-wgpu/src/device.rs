@@ -21,12 +21,20 @@ pub struct WgpuDevice {
 }
 
 impl WgpuDevice {
-    /// Opens every device, in the order in which wgpu lists them; in place of one that cannot be used stands the
-    /// reason. Several devices may have the same name.
+    /// Opens every device of [`WgpuDevice::adapters`]; in place of one that cannot be used stands the reason.
     ///
     /// # Errors
     /// When there is no device at all.
     pub fn enumerate(options: Options) -> Result<Vec<Result<Self, OpenError>>, OpenError> {
+        Ok(Self::adapters()?.iter().map(|adapter| Self::open(adapter, options)).collect())
+    }
+
+    /// Every device of the system, none of which is open yet, in the order in which wgpu lists them. Several may have
+    /// the same name.
+    ///
+    /// # Errors
+    /// When there is no device at all.
+    pub fn adapters() -> Result<Vec<Adapter>, OpenError> {
         let instance = Instance::new(InstanceDescriptor {
             backends: Backends::VULKAN,
             // As in any program with wgpu: WGPU_VALIDATION and WGPU_DEBUG decide, else the build's profile. But objects
@@ -39,10 +47,10 @@ impl WgpuDevice {
         if found.is_empty() {
             return Err(OpenError::NoDevice);
         }
-        Ok(found.iter().map(|adapter| Self::open(adapter, options)).collect())
+        Ok(found)
     }
 
-    /// Opens one device, of an instance of the caller's.
+    /// Opens one device, and no other: of [`WgpuDevice::adapters`], or of an instance of the caller's.
     ///
     /// # Errors
     /// When it cannot be used, with the reason.

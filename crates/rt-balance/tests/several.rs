@@ -124,3 +124,46 @@ fn masks_and_geometries_stay_when_triangles_move() {
     assert!(error.to_string().contains("replace_scene"), "{error}");
     assert_eq!(nearest(&mut balancer, 2), (7.0, Some((2, 1))));
 }
+
+/// Mutants: the tree of another mask, or of the scene before it moved; a tree that is gone since others were made; few
+/// rays, which go alone, without their mask.
+#[test]
+fn streams_of_many_masks_take_turns() {
+    const SIDE: u16 = 64;
+    const MASKS: u32 = 6;
+    let sheet = |time: f32| -> Vec<[f32; 3]> {
+        let point = |i: u16| {
+            let (x, y) = (f32::from(i % SIDE), f32::from(i / SIDE));
+            [x, y, 3.0 * (0.4 * x + time).sin()]
+        };
+        (0..SIDE * SIDE).map(point).collect()
+    };
+    let corners = (0..SIDE * SIDE).filter(|i| i % SIDE < SIDE - 1 && i / SIDE < SIDE - 1);
+    let faces = corners.flat_map(|i| [[i, i + 1, i + SIDE], [i + 1, i + SIDE + 1, i + SIDE]]);
+    let faces: Vec<[u32; 3]> = faces.map(|face| face.map(u32::from)).collect();
+    let (positions, options) = (sheet(0.0), BuildOptions::default());
+    let scene = rt_balance::build(Mesh::of_arrays(&positions, &faces), &options).expect("a sheet").scene;
+    let masks = (0..faces.len() as u32).map(|id| 1 << (id % MASKS)).collect();
+    let scene = Arc::unwrap_or_clone(scene).with_masks(masks).expect("one for each");
+    let mut balancer = Balancer::new(Arc::new(scene), &devices()).expect("a balancer");
+    let ray = |i: u16| {
+        let (x, y) = (f32::from(i % 61), f32::from(i / 61));
+        Ray::new([x, y, 9.0].into(), [0.31, 0.17, -1.0].into())
+    };
+    let mut found = 0;
+    for time in [0.0, 0.7] {
+        assert_eq!(balancer.update(&sheet(time), &faces).expect("a sheet").tree, Updated::Fitted);
+        for (turn, rays) in (0..2 * MASKS).flat_map(|turn| [300, 3_000].map(|rays| (turn, rays))) {
+            let source = RaySource::Explicit { rays: (0..rays).map(ray).collect(), origins: None };
+            let mask = 1 << (turn % MASKS) | 1 << ((turn + 2) % MASKS);
+            let spec = StreamSpec { mask, ..StreamSpec::default() };
+            let stream = Stream::new(source, StreamKind::Custom, spec);
+            let mut hits = vec![Hit::MISS; rays.into()];
+            let mut scheduling = Scheduling::default();
+            balancer.trace(&stream, &mut scheduling, &mut hits, None, Control::default()).expect("hits");
+            assert!(hits == expected(balancer.scene(), &stream).0, "{rays} rays, mask {mask:b}, {time}");
+            found += hits.iter().filter(|hit| hit.is_hit()).count();
+        }
+    }
+    assert!(found > 1_000, "{found} hits");
+}

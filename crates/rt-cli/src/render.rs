@@ -18,7 +18,7 @@ use rt_report::print::{Stdout, note};
 use rt_report::usage::{OrUsage, usage};
 use rt_report::{Provenance, charts, recipe, terminal};
 use rt_scene::camera::{CameraMotion, CameraPath};
-use rt_scene::wind::Wind;
+use rt_scene::wind::{Strength, Wind};
 use rt_scene::{Model, View};
 use std::cell::Cell;
 use std::io::Write;
@@ -209,7 +209,7 @@ pub(crate) fn picture_report(
             _ => 0.0,
         },
         camera_path: args.camera.as_ref().map(|file| file.display().to_string()),
-        wind: args.wind,
+        wind: args.wind.map(Strength::times),
         seed: args.balance.seed,
         camera: CameraReport::of(&motion.view(first_frame), scene.offset.into()),
     }
@@ -271,7 +271,7 @@ impl Stage {
             cut: args.balance.cut(),
             seed: args.balance.seed,
             reference: args.reference,
-            moves: args.wind,
+            wind: args.wind,
             ..Renderer::showing(subject, &motion.view(0), interrupt::flag())
         };
         let animation = Animation::new(wind);
@@ -281,11 +281,10 @@ impl Stage {
 
 /// The wind that was asked for.
 fn wind(args: &RenderArgs, model: &Model) -> Result<Option<Wind>> {
-    if args.wind && !args.frames.is_animation() {
+    if args.wind.is_some() && !args.frames.is_animation() {
         return Err(usage("--wind moves the scene from frame to frame: give --frames 2 or more").into());
     }
-    let bends = |wind: Option<Wind>| wind.ok_or_else(|| format!("--wind: nothing in {} bends in it", model.source));
-    Ok(args.wind.then(|| bends(Wind::over(model)).map_err(usage)).transpose()?)
+    Ok(args.wind.map(|strength| Wind::over(model, strength).or_usage("--wind")).transpose()?)
 }
 
 /// Whether the scene is there, results can be written, and the camera path, which they must not replace, is one: before

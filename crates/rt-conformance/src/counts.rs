@@ -147,19 +147,19 @@ fn counts_do_not_depend_on_company(device: &dyn Device) -> Result<(), String> {
 }
 
 /// Whose tests a device can count.
-fn trees(device: &dyn Device) -> impl Iterator<Item = CountedTree> + Clone {
+pub(crate) fn trees(device: &dyn Device) -> impl Iterator<Item = CountedTree> + Clone {
     let scene = device.info().capabilities.counts_scene_tree();
     core::iter::once(CountedTree::Own).chain(scene.then_some(CountedTree::Scene))
 }
 
 /// That no ray makes more tests than the same ray that is never shortened.
-fn never_more(name: &str, how: &str, fewer: &[TestCounts], most: &[TestCounts]) -> Result<(), String> {
+pub(crate) fn never_more(name: &str, how: &str, fewer: &[TestCounts], most: &[TestCounts]) -> Result<(), String> {
     let more = fewer.iter().zip(most).position(|(a, b)| a.boxes > b.boxes || a.triangles > b.triangles);
     ensure!(more.is_none(), "{name}: ray {more:?} makes more tests when it is {how}");
     Ok(())
 }
 
-fn first_difference(name: &str, found: &[TestCounts], expected: &[TestCounts]) -> Result<(), String> {
+pub(crate) fn first_difference(name: &str, found: &[TestCounts], expected: &[TestCounts]) -> Result<(), String> {
     ensure!(found.len() == expected.len(), "{name}: {} counts, not {}", found.len(), expected.len());
     match found.iter().zip(expected).position(|(a, b)| a != b) {
         Some(i) => Err(format!("{name}, ray {i}: {:?}, not {:?}", found[i], expected[i])),

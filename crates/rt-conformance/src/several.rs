@@ -1,11 +1,13 @@
 //! Cases about several hits of a ray, and about primitives that a mask hides.
 
 use crate::Case;
+use crate::counts::{first_difference, never_more, trees};
 use crate::fixtures::{self, Fixture};
 use crate::need::{Need, has};
 use crate::session::{Session, ensure, same_hits};
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Precision, Query, Ray, RayMask, RaySource, Scene, StreamSpec, random, tasks_of,
+    Device, DeviceErrorKind, Hit, Precision, Query, Ray, RayMask, RaySource, ReducedWalk, Scene, StreamSpec, Walk,
+    random, tasks_of,
 };
 use rt_verify::brute;
 use std::num::NonZero;
@@ -21,6 +23,16 @@ pub(crate) const CASES: &[Case] = &[
         name: "hidden_primitives_are_passed_by",
         needs: &[Need::Masks, Need::DefinedBits],
         run: hidden_primitives_are_passed_by,
+    },
+    Case {
+        name: "walks_of_several_hits_count_what_launches_do",
+        needs: &[Need::AllHits, Need::DefinedBits, Need::Counts],
+        run: walks_of_several_hits_count_what_launches_do,
+    },
+    Case {
+        name: "walks_pass_by_hidden_primitives",
+        needs: &[Need::Masks, Need::DefinedBits, Need::Counts],
+        run: walks_pass_by_hidden_primitives,
     },
     Case { name: "what_it_does_not_say_it_can_it_refuses", needs: &[], run: what_it_does_not_say_it_can_it_refuses },
 ];
@@ -135,6 +147,73 @@ fn hidden_primitives_are_passed_by(device: &dyn Device) -> Result<(), String> {
             if has(device, Need::AllHits) {
                 let several = Session::whole(device, &scene, &fixture.rays, spec(all(4), mask))?;
                 same_hits(&format!("{what}, at most 4 hits"), &several.hits, &expected(&hits, 4, shows))?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Estimates of such streams are made of walks, so these must cost what the stream does.
+fn walks_of_several_hits_count_what_launches_do(device: &dyn Device) -> Result<(), String> {
+    for fixture in [fixtures::plain()?, fixtures::named("soup")?, fixtures::named("layers")?] {
+        let nearest = expected(&hits_of(fixture), 1, |_| true);
+        for most in PLACES {
+            let what = format!("{}, at most {most} hits", fixture.name);
+            walks_are_the_streams(device, &what, fixture, &fixture.scene, spec(all(most), u32::MAX), &nearest)?;
+        }
+    }
+    Ok(())
+}
+
+fn walks_pass_by_hidden_primitives(device: &dyn Device) -> Result<(), String> {
+    for fixture in [fixtures::plain()?, fixtures::named("soup")?, fixtures::named("layers")?] {
+        let (scene, hits) = (masked(fixture)?, hits_of(fixture));
+        for mask in [0b0001, 0b0110, 0b1000, u32::MAX] {
+            let nearest = expected(&hits, 1, |id| scene.shows(id, mask));
+            let several = has(device, Need::AllHits).then(|| all(4));
+            for query in [Some(Query::Closest), several].into_iter().flatten() {
+                let what = format!("{}, mask {mask:#b}, {query:?}", fixture.name);
+                walks_are_the_streams(device, &what, fixture, &scene, spec(query, mask), &nearest)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// That full walks count what launches of the stream count, whoever else walks, and find the `nearest` hits; and that
+/// reduced walks find nothing, and make no fewer tests where no hit cuts a ray.
+fn walks_are_the_streams(
+    device: &dyn Device,
+    what: &str,
+    fixture: &Fixture,
+    scene: &Arc<Scene>,
+    spec: StreamSpec,
+    nearest: &[Hit],
+) -> Result<(), String> {
+    for counted in trees(device) {
+        let what = format!("{what}, {counted:?}");
+        let mut session = Session::open(device, scene)?;
+        session.load(&fixture.rays, StreamSpec { counts: true, counted, ..spec })?;
+        let launch = session.trace(&session.all(), None)?;
+        // All; some of them backwards, and one of them twice; each of a few alone.
+        let every: Vec<u32> = (0..fixture.rays.len() as u32).collect();
+        let mut some: Vec<u32> = every.iter().copied().rev().step_by(3).collect();
+        some.push(some[4]);
+        let alone = every.iter().step_by(41).map(|&ray| vec![ray]);
+        for rays in [every.clone(), some].into_iter().chain(alone) {
+            let (counts, hits) = session.walk(&rays, Walk::Full)?;
+            let of = |&ray: &u32| (launch.counts[ray as usize], nearest[ray as usize]);
+            let (expected_counts, expected_hits): (Vec<_>, Vec<_>) = rays.iter().map(of).unzip();
+            first_difference(&what, &counts, &expected_counts)?;
+            same_hits(&what, &hits, &expected_hits)?;
+        }
+        for kind in [ReducedWalk::LeafAsHit, ReducedWalk::Unshortened] {
+            if has(device, Need::ReducedWalk(kind)) {
+                let (counts, hits) = session.walk(&every, Walk::Reduced(kind))?;
+                ensure!(hits.iter().all(|hit| *hit == Hit::MISS), "{what}: a reduced walk reports a hit");
+                if kind == ReducedWalk::Unshortened {
+                    never_more(&what, "walked in full", &launch.counts, &counts)?;
+                }
             }
         }
     }

@@ -59,7 +59,8 @@ pub trait Tracer: Send + Debug {
     /// when it cannot do what `spec` asks.
     fn load_rays(&mut self, source: RaySource, spec: StreamSpec) -> Result<(), DeviceError>;
 
-    /// Walks single rays and counts their tests; blocks until done.
+    /// Walks single rays and counts their tests; blocks until done. [`Walk::Full`] does what launches of the stream do:
+    /// it passes by what the stream's mask hides, and looks for as many hits as that asks for.
     ///
     /// `counts` has one entry for each of `rays`. So has `hits`, which [`Walk::Full`] fills if given; of
     /// [`Query::All`] with the nearest.

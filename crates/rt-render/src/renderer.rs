@@ -11,6 +11,7 @@ use rt_core::bounce::{Departure, Surfaces};
 use rt_core::{Camera, Hit, Precision, Ray, RaySource, StreamKind, StreamSpec, TestCounts, random};
 use rt_scene::prepare::Prepared;
 use rt_scene::streams::{PathStream, Paths, Samples, Wave};
+use rt_scene::wind::Strength;
 use rt_scene::{Colours, View};
 use rt_simd::Kernel;
 use std::ops::Range;
@@ -82,8 +83,8 @@ pub struct Renderer<'a> {
     /// The frame whose streams, where they were traced without an estimate, are estimated afterwards, to see what that
     /// would have said.
     pub unused: Option<u32>,
-    /// Whether the scene moves, by the number of the frame: see [`Animation`](crate::Animation).
-    pub moves: bool,
+    /// The wind in which the scene moves, by the number of the frame: see [`Animation`](crate::Animation).
+    pub wind: Option<Strength>,
     /// Set to `true` to stop.
     pub cancel: &'a AtomicBool,
 }
@@ -185,7 +186,7 @@ impl<'a> Renderer<'a> {
             seed: 0,
             reference: false,
             unused: None,
-            moves: false,
+            wind: None,
             cancel,
         }
     }

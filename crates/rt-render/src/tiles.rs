@@ -109,9 +109,9 @@ pub(crate) fn fingerprint_of_picture(scene: u64, renderer: &Renderer<'_>, paths:
 /// What decides what pixels are; floats are written so that they can be read back to the bit.
 fn described(scene: u64, renderer: &Renderer<'_>, paths: &Paths) -> String {
     let Paths { camera, size, samples, seed, sun, .. } = paths;
-    let Renderer { bounces, precision, light, moves, .. } = renderer;
+    let Renderer { bounces, precision, light, wind, .. } = renderer;
     let version = env!("CARGO_PKG_VERSION");
-    format!("{version} {scene} {moves} {camera:?} {size:?} {samples} {seed} {sun:?} {bounces} {precision:?} {light:?}")
+    format!("{version} {scene} {wind:?} {camera:?} {size:?} {samples} {seed} {sun:?} {bounces} {precision:?} {light:?}")
 }
 
 fn hashed(text: &str) -> u64 {

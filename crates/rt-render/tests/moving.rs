@@ -4,7 +4,7 @@ use glam::Vec3;
 use rt_balance::cpu::CpuDevice;
 use rt_balance::estimators::History;
 use rt_balance::report::StreamReport;
-use rt_balance::{Balancer, BuildOptions, Control, Device, Hit, Mesh, Scheduling, Stream, build};
+use rt_balance::{Balancer, BuildOptions, Control, Device, Hit, MOST_GROWTH, Mesh, Scheduling, Stream, build};
 use rt_bvh::Builder;
 use rt_core::bounce::Surfaces;
 use rt_core::{StreamKind, StreamSpec};
@@ -12,7 +12,7 @@ use rt_render::{Animation, Film, Frame, Passes, RenderError, Renderer, Session, 
 use rt_scene::View;
 use rt_scene::prepare::{Options, prepare};
 use rt_scene::streams::{Samples, Waves};
-use rt_scene::wind::{FRAMES_PER_SECOND, Wind};
+use rt_scene::wind::{FRAMES_PER_SECOND, Strength, Wind};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,11 +25,11 @@ const FRAMES: u32 = 4;
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// The built-in garden, and its wind.
-fn garden() -> (Renderer<'static>, View, Wind) {
+/// The built-in garden, and wind over it.
+fn garden(strength: Strength) -> (Renderer<'static>, View, Wind) {
     let options = Options::new(Builder::default());
     let prepared = prepare(Path::new("yard"), &options, &mut |_| ControlFlow::Continue(())).expect("a built-in scene");
-    let (view, wind) = (prepared.view(), Wind::over(&prepared.model).expect("trees"));
+    let (view, wind) = (prepared.view(), Wind::over(&prepared.model, strength).expect("trees"));
     let renderer = Renderer {
         size: SIZE,
         samples: SAMPLES,
@@ -71,7 +71,7 @@ fn hits(renderer: &Renderer<'_>, view: &View, balancer: &mut Balancer) -> Vec<Hi
 /// begins anew with each frame; a frame that is not reported.
 #[test]
 fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
-    let (mut renderer, view, wind) = garden();
+    let (mut renderer, view, wind) = garden(Strength::BREEZE);
     let mut moved = wind.clone();
     let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices()).expect("processors take it");
     let mut reports: Vec<StreamReport> = Vec::new();
@@ -90,7 +90,7 @@ fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
         let anew = build(Mesh { positions, indices }, &BuildOptions::default()).expect("the garden").scene;
         let mut balancer = Balancer::new(Arc::clone(&anew), &devices()).expect("processors take it");
         assert!(hits(&renderer, &view, &mut balancer) == found, "frame {number}");
-        let (other, _, _) = garden();
+        let (other, _, _) = garden(Strength::BREEZE);
         let other = Renderer { surfaces: Arc::new(Surfaces::new(anew)), ..other };
         let mut alone = Session { balancer, scheduling: Scheduling::default(), show: &|_| {}, record: &mut |_| {} };
         assert!(render(&other, &view, &mut alone, number) == picture, "frame {number}");
@@ -104,4 +104,25 @@ fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
     let sampled = |report: &StreamReport| report.estimate.fraction > 0.0;
     assert!(reports.iter().all(|report| sampled(report) == (report.frame == 0)));
     assert!(reports.iter().any(|report| report.frame == FRAMES - 1 && report.rays > 1000));
+}
+
+/// Mutants: a tree that is fitted whatever it costs then; an estimator that begins anew with another tree.
+#[test]
+fn a_hurricane_has_the_tree_built_anew_and_history_goes_on() {
+    let (mut renderer, view, wind) = garden("60".parse().expect("a strength"));
+    let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices()).expect("processors take it");
+    let mut reports: Vec<StreamReport> = Vec::new();
+    let mut record = |traced: rt_render::Traced<'_>| reports.push(traced.run.report);
+    let scheduling = Scheduling { estimator: Box::new(History::default()), ..Scheduling::default() };
+    let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
+    let mut animation = Animation::new(Some(wind));
+    for number in [0, 3, 4] {
+        animation.show(number, &mut renderer, &mut session).expect("an update");
+        render(&renderer, &view, &mut session, number);
+    }
+    drop(session);
+    let [first, second] = animation.updates() else { panic!("two updates: {:?}", animation.updates()) };
+    assert_eq!([first, second].map(|update| (update.frame, update.tree)), [(3, "rebuilt"), (4, "fitted")]);
+    assert!(first.growth > Some(MOST_GROWTH) && first.build_s > 0.0 && first.why.is_some(), "{first:?}");
+    assert!(reports.iter().all(|report| (report.estimate.fraction > 0.0) == (report.frame == 0)));
 }

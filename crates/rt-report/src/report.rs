@@ -138,8 +138,8 @@ pub struct PictureReport {
     pub degrees_per_frame: f32,
     /// The file of key frames that the camera moves along.
     pub camera_path: Option<String>,
-    /// Whether wind moves the scene from one to the next.
-    pub wind: bool,
+    /// How strong the wind is, beside a fresh breeze, that moves the scene from one to the next.
+    pub wind: Option<f32>,
     /// Seed of all random numbers.
     pub seed: u32,
     /// The camera of the first frame that was asked for.

@@ -19,10 +19,14 @@ pub use scheduling::scheduling;
 /// A case: panics if its bytes break a promise.
 pub type Case = fn(&[u8]);
 
-/// All cases by the name of their program and their folder in the corpus.
+/// All cases by the name of their program and their folder in the corpus. Whatever is a scene is told by its content,
+/// but what libFuzzer makes of a format resembles it.
 pub const CASES: &[(&str, Case)] = &[
     ("obj", obj),
-    ("scene_file", scene_file),
+    ("ply", scene_file),
+    ("stl", scene_file),
+    ("gltf", scene_file),
+    ("packed", scene_file),
     ("npy", npy),
     ("camera_path", camera_path),
     ("geometry", geometry),

@@ -1,6 +1,7 @@
 //! Replays the corpus: seeds, and every input that once broke something.
 
 use fuzz_cases::CASES;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 #[test]
@@ -19,4 +20,17 @@ fn the_corpus_breaks_nothing() {
         }
         assert!(inputs > 0, "{} is empty", folder.display());
     }
+}
+
+/// Mutant: a case without its program, or a program that cargo does not build.
+#[test]
+fn every_case_has_its_program() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
+    let cases: BTreeSet<String> = CASES.iter().map(|&(name, _)| name.to_owned()).collect();
+    let files = std::fs::read_dir(folder.join("fuzz_targets")).expect("the programs");
+    let stem = |path: &Path| path.file_stem().expect("a name").to_string_lossy().into_owned();
+    assert_eq!(cases, files.map(|file| stem(&file.expect("readable").path())).collect());
+    let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("the manifest");
+    let paths = manifest.lines().filter_map(|line| line.strip_prefix("path = \"fuzz_targets/"));
+    assert_eq!(cases, paths.map(|path| path.trim_end_matches(".rs\"").to_owned()).collect());
 }

@@ -11,7 +11,7 @@ use rt_balance::{
 use rt_bvh::{BuildOptions, Builder, build};
 use rt_gpu::GpuDevice;
 use rt_scene::builtin;
-use rt_scene::wind::Wind;
+use rt_scene::wind::{Strength, Wind};
 use rt_verify::rays::RayMaker;
 use rt_verify::{shapes, tree};
 use std::sync::Arc;
@@ -56,7 +56,7 @@ fn every_backend_follows_a_scene(cards: &[Arc<dyn GpuDevice>]) -> Result<(), Fai
     let yard = builtin::yard();
     let triangles: Vec<_> = (0..yard.indices.len() as u32).filter_map(|id| yard.triangle(id)).collect();
     let rays = RayMaker::new(&triangles, 6).mixed(RAYS);
-    let mut wind = Wind::over(&yard).ok_or("trees")?;
+    let mut wind = Wind::over(&yard, Strength::BREEZE)?;
     let scene = build(wind.after(0.0), &BuildOptions::default())?.scene;
     let whole = scene.bytes() * cards.len() as u64;
     let mut balancer = Balancer::new(scene, &beside_a_processor(cards)?)?;

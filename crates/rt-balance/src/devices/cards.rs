@@ -3,7 +3,7 @@
 use super::{ListError, Opened, Reason};
 use rt_gpu::{BadVariable, Card, GpuDevice, Layouts, Tuning};
 use std::fmt::Display;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 /// A way to graphics cards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +19,9 @@ pub enum Api {
 
 /// A graphics device, or why it cannot be used.
 pub type Found = Result<Arc<dyn GpuDevice>, String>;
+
+/// One that is opened when it is asked for.
+type Lazy = LazyLock<Found, Box<dyn FnOnce() -> Found + Send>>;
 
 /// Choices about graphics cards, none of which changes a hit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,13 +67,14 @@ impl Api {
     /// # Errors
     /// When the system has no such API; the text says why.
     pub fn devices(self, options: CardOptions) -> Result<Vec<Found>, String> {
-        fn all<T, D: GpuDevice + 'static, E: Display>(
-            found: Result<Vec<Result<T, E>>, E>,
-            tuned: impl Fn(T) -> D,
-        ) -> Result<Vec<Found>, String> {
-            let upcast = |device| Arc::new(tuned(device)) as Arc<dyn GpuDevice>;
-            let each = |found: Result<T, E>| found.map(upcast).map_err(|e| e.to_string());
-            Ok(found.map_err(|e| e.to_string())?.into_iter().map(each).collect())
+        Ok(self.list(options)?.iter().map(|device| LazyLock::force(device).clone()).collect())
+    }
+
+    /// The same, none of which is open yet.
+    fn list(self, options: CardOptions) -> Result<Vec<Lazy>, String> {
+        fn lazy<D: GpuDevice + 'static, E: Display>(open: impl FnOnce() -> Result<D, E> + Send + 'static) -> Lazy {
+            let opened = || open().map(|device| Arc::new(device) as Arc<dyn GpuDevice>).map_err(|e| e.to_string());
+            LazyLock::new(Box::new(opened))
         }
         let CardOptions { layouts, tuning } = options;
         match self {
@@ -78,23 +82,26 @@ impl Api {
             Self::Vulkan => {
                 use crate::vulkan::{Options, VulkanDevice};
                 let options = Options { layouts, ..Options::from_env().map_err(|e| e.to_string())? };
-                all(VulkanDevice::enumerate(options), |device| device.tuned(tuning))
+                let listed = VulkanDevice::list(options).map_err(|e| e.to_string())?.into_iter();
+                Ok(listed.map(|listed| lazy(move || listed.open().map(|device| device.tuned(tuning)))).collect())
             }
             #[cfg(feature = "wgpu")]
             Self::Wgpu => {
                 use crate::wgpu::{Options, WgpuDevice};
                 let options = Options { layouts, ..Options::from_env().map_err(|e| e.to_string())? };
-                all(WgpuDevice::enumerate(options), |device| device.tuned(tuning))
+                let adapters = WgpuDevice::adapters().map_err(|e| e.to_string())?.into_iter();
+                let tuned = move |device: WgpuDevice| device.tuned(tuning);
+                Ok(adapters.map(|adapter| lazy(move || WgpuDevice::open(&adapter, options).map(tuned))).collect())
             }
         }
     }
 }
 
-/// The cards of each API that was asked for; an API is asked once.
+/// The cards of each API that was asked for, of which those are open that were named; an API is asked once.
 #[derive(Debug, Default)]
 pub(super) struct Cards {
     options: CardOptions,
-    asked: Vec<(Api, Vec<Found>)>,
+    asked: Vec<(Api, Vec<Lazy>)>,
 }
 
 impl Cards {
@@ -106,12 +113,12 @@ impl Cards {
     pub(super) fn open(&mut self, entry: String, api: Api, index: usize) -> Result<Opened, ListError> {
         let list = match self.asked.iter().position(|(known, _)| *known == api) {
             Some(known) => &self.asked[known].1,
-            None => match api.devices(self.options) {
+            None => match api.list(self.options) {
                 Ok(found) => &self.asked.push_mut((api, found)).1,
                 Err(why) => return Err(ListError { entry, reason: Reason::Api(why) }),
             },
         };
-        let reason = match list.get(index) {
+        let reason = match list.get(index).map(LazyLock::force) {
             Some(Ok(device)) => {
                 let card = Some(device.card().clone());
                 return Ok(Opened { entry, device: Arc::clone(device) as _, card });
@@ -164,11 +171,34 @@ fn each_once<'a>(cards: impl Iterator<Item = (Api, usize, &'a Card)>) -> Vec<(Ap
     taken.into_iter().map(|(api, index, _)| (api, index)).collect()
 }
 
-#[cfg(all(test, feature = "vulkan", feature = "wgpu"))]
+#[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    /// Fails when a card is opened that nobody named, or one twice.
+    #[test]
+    fn cards_that_nobody_names_stay_closed() {
+        let opened = Arc::new(AtomicU32::new(0));
+        let card = |place: u32| -> Lazy {
+            let opened = Arc::clone(&opened);
+            LazyLock::new(Box::new(move || {
+                opened.fetch_add(1 << (8 * place), Ordering::Relaxed);
+                Err(format!("card {place} is a fake"))
+            }))
+        };
+        let Some(&api) = Api::ALL.first() else { return };
+        let mut cards = Cards { options: CardOptions::default(), asked: vec![(api, (0..3).map(card).collect())] };
+        let mut error = |index: usize| cards.open("it".to_owned(), api, index).err().map(|error| error.to_string());
+        for _ in 0..2 {
+            assert!(error(1).is_some_and(|error| error.contains("card 1 is a fake")));
+        }
+        assert!(error(3).is_some_and(|error| error.contains("there is no")));
+        assert_eq!(opened.load(Ordering::Relaxed), 1 << 8);
+    }
 
     /// Two equal cards seen through both APIs, one through wgpu only. Fails when only models are compared.
+    #[cfg(all(feature = "vulkan", feature = "wgpu"))]
     #[test]
     fn a_card_that_two_apis_reach_is_taken_once() {
         let card = |model: u32, slot: &str| Card {

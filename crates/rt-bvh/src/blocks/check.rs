@@ -15,10 +15,15 @@ impl BlockTree {
     /// # Errors
     /// The first defect found; always one of this crate, never of the mesh.
     pub fn check(&self, scene: &Scene) -> Result<u64, BlockTreeError> {
+        self.check_shown(scene, |_| true)
+    }
+
+    /// The same of a tree without what `shows` denies.
+    pub(super) fn check_shown(&self, scene: &Scene, shows: impl Fn(u32) -> bool) -> Result<u64, BlockTreeError> {
         let mut node_seen = vec![false; self.nodes.len()];
         let mut block_seen = vec![false; self.blocks.len()];
         let mut below = vec![Aabb::EMPTY; self.nodes.len()];
-        let mut triangles = Triangles::of(scene);
+        let mut triangles = Triangles::of(scene, shows);
         let mut boxes = 0;
         // Children come after their parents.
         for (index, node) in self.nodes.iter().enumerate().rev() {
@@ -72,7 +77,7 @@ fn names_each_slot(order: u32) -> bool {
     order >> 24 == 0 && (0..WIDTH).fold(0, |seen, place| seen | 1 << (order >> (3 * place) & 7)) == 255
 }
 
-/// The triangles of a scene that are yet to be found, by id.
+/// The triangles of a scene that are yet to be found, by id; what is hidden is not among them.
 struct Triangles<'s> {
     scene: &'s Scene,
     /// Where a triangle is in leaf order, and whether it was found.
@@ -80,10 +85,11 @@ struct Triangles<'s> {
 }
 
 impl<'s> Triangles<'s> {
-    fn of(scene: &'s Scene) -> Self {
+    fn of(scene: &'s Scene, shows: impl Fn(u32) -> bool) -> Self {
         let mut places = vec![None; scene.primitive_count() as usize];
-        for slot in 0..scene.triangles().len() {
-            places[scene.primitives().get(slot) as usize] = Some((slot as u32, false));
+        let ids = (0..scene.triangles().len()).map(|slot| (slot, scene.primitives().get(slot)));
+        for (slot, id) in ids.filter(|&(_, id)| shows(id)) {
+            places[id as usize] = Some((slot as u32, false));
         }
         Self { scene, places }
     }

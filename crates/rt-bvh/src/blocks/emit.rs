@@ -58,10 +58,13 @@ pub(super) fn block(scene: &Scene, slots: &[u32]) -> Block {
         }
         block.axes[lane / 2].ids[lane % 2] = scene.primitives().get(slot);
     }
-    for axis in &mut block.axes {
-        let BlockAxis { a, b, c, .. } = *axis;
-        let all = || a.into_iter().chain(b).chain(c);
-        axis.bounds = [all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max)];
-    }
+    block.axes.iter_mut().for_each(bound);
     block
+}
+
+/// Writes down the least and the greatest of a block's coordinates.
+pub(super) fn bound(axis: &mut BlockAxis) {
+    let BlockAxis { a, b, c, .. } = *axis;
+    let all = || a.into_iter().chain(b).chain(c);
+    axis.bounds = [all().fold(f32::MAX, f32::min), all().fold(f32::MIN, f32::max)];
 }

@@ -13,6 +13,7 @@ mod check;
 mod emit;
 mod order;
 mod refit;
+mod shown;
 
 pub use check::BlockTreeError;
 

@@ -11,7 +11,7 @@ use bytemuck::allocation::zeroed_vec;
 use rt_core::Scene;
 
 /// Blocks or nodes that a thread fits at a time.
-const CHUNK: usize = 1 << 10;
+pub(super) const CHUNK: usize = 1 << 10;
 
 impl BlockTree {
     /// The same tree over triangles that have moved: those of a scene that has the tree
@@ -43,28 +43,34 @@ impl BlockTree {
             return None;
         }
 
-        let mut nodes: Vec<BlockNode> = zeroed_vec(self.nodes.len());
-        let jobs = nodes.chunks_mut(CHUNK).zip(self.nodes.chunks(CHUNK));
-        each(jobs.collect(), |(to, from)| {
-            to.iter_mut().zip(from).for_each(|(to, from)| *to = with_leaves(from, &blocks));
-        });
-        // A node has many blocks below it, so this is a small part of the work. Children come after their parents.
-        for index in (0..nodes.len()).rev() {
-            for slot in 0..WIDTH {
-                if let BlockChild::Node(child) = BlockChild::of(nodes[index].children[slot]) {
-                    let held = nodes[child as usize].planes.map(extremes);
-                    put(&mut nodes[index], slot, held);
-                }
-            }
-        }
-        each(nodes.chunks_mut(CHUNK).collect(), |nodes| {
-            for node in nodes {
-                node.orders = core::array::from_fn(|octant| from_far_to_near(node, octant));
-            }
-        });
+        let nodes = fitted(&self.nodes, &blocks);
         let (bounds, scale_exponent, depth) = (scene.bounds(), scene.scale_exponent(), self.depth);
         Some(Self { nodes, blocks, bounds, scale_exponent, depth, slots: Some(slots) })
     }
+}
+
+/// Nodes over blocks that are others than they were: their boxes and orders fit these.
+pub(super) fn fitted(from: &[BlockNode], blocks: &[Block]) -> Vec<BlockNode> {
+    let mut nodes: Vec<BlockNode> = zeroed_vec(from.len());
+    let jobs = nodes.chunks_mut(CHUNK).zip(from.chunks(CHUNK));
+    each(jobs.collect(), |(to, from)| {
+        to.iter_mut().zip(from).for_each(|(to, from)| *to = with_leaves(from, blocks));
+    });
+    // A node has many blocks below it, so this is a small part of the work. Children come after their parents.
+    for index in (0..nodes.len()).rev() {
+        for slot in 0..WIDTH {
+            if let BlockChild::Node(child) = BlockChild::of(nodes[index].children[slot]) {
+                let held = nodes[child as usize].planes.map(extremes);
+                put(&mut nodes[index], slot, held);
+            }
+        }
+    }
+    each(nodes.chunks_mut(CHUNK).collect(), |nodes| {
+        for node in nodes {
+            node.orders = core::array::from_fn(|octant| from_far_to_near(node, octant));
+        }
+    });
+    nodes
 }
 
 /// Where the triangles of blocks are in a scene's leaf order; `None` where one is not there.

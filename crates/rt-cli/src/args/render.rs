@@ -42,9 +42,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, help_heading = heading::PICTURE, value_parser = parse_degrees, allow_hyphen_values = true,
           value_name = "DEGREES", requires = "frames")]
     pub(crate) orbit: Option<f32>,
-    /// Wind in the garden's trees, so that they move from frame to frame
-    #[arg(long, help_heading = heading::PICTURE, requires = "frames", conflicts_with = "broadcast")]
-    pub(crate) wind: bool,
+    /// Wind in the garden's trees, so that they move from frame to frame: a fresh breeze, or --wind=60 for a hurricane
+    #[arg(long, help_heading = heading::PICTURE, requires = "frames", conflicts_with = "broadcast", num_args = 0..=1,
+          require_equals = true, default_missing_value = "1", value_name = "STRENGTH")]
+    pub(crate) wind: Option<rt_scene::wind::Strength>,
     /// Key frames that the camera moves along, one in a line: frame, eye, target, up and field of view, separated by
     /// tabs, and coordinates by blanks
     #[arg(long, help_heading = heading::PICTURE, value_name = "FILE", requires = "frames",

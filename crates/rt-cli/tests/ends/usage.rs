@@ -41,6 +41,7 @@ const WRONG: &[(&str, &str)] = &[
     ("render scene.obj --spp 0", "--spp"),
     ("render yard --wind", "--frames"),
     ("render yard --frames 1 --wind", "--frames 2"),
+    ("render yard --frames 2 --wind=0", "a fresh breeze"),
     ("render scene.obj --frames 2 --wind", "scene.obj"),
     ("render scene.obj --memory 1K", "--memory"),
     ("render scene.obj --tasks 0", "--tasks"),

@@ -68,7 +68,11 @@ fn describe(page: &mut Page, picture: &PictureReport) {
         ..
     } = picture;
     let of = if samples < samples_asked { format!(" of {samples_asked}") } else { String::new() };
-    let wind = if *wind { ", in the wind" } else { "" };
+    let wind = match wind {
+        Some(1.0) => ", in the wind".to_owned(),
+        Some(strength) => format!(", in wind of {strength} times a fresh breeze"),
+        None => String::new(),
+    };
     let turn = match camera_path {
         Some(file) => format!("; {frames} frames along `{file}`{wind}"),
         None if *frames > 1 => format!("; {frames} frames, {degrees_per_frame}° apart{wind}"),

@@ -1,0 +1,4 @@
+//! Hands libFuzzer's bytes, which begin as STL files, to the case `scene_file`.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| fuzz_cases::scene_file(data));
