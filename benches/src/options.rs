@@ -3,7 +3,9 @@
 use clap::Args;
 
 /// Which scenes, and how often.
+// A group of its own: those that flatten it have one of the same name.
 #[derive(Clone, Debug, Args)]
+#[group(id = "common")]
 pub struct Options {
     /// Built-in scenes (yard, car) or OBJ files, beside which a cameras.tsv is heeded
     #[arg(default_values = ["yard", "car"], value_name = "SCENE")]

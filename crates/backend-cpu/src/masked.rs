@@ -10,9 +10,10 @@ use std::sync::Arc;
 /// Masks whose trees are kept, for streams that take turns: what the camera sees, what casts shadows, what bounces off.
 const KEPT: usize = 4;
 
-/// Triangles for each ray of a stream beyond which the tree does not pay. It takes some 45 ns for each triangle of the
-/// scene, a ray that goes alone over the two-wide tree 0.7 µs longer (`rt-benches`, program `masks`).
-const MOST_PER_RAY: usize = 16;
+/// Triangles for each ray of a stream beyond which the tree does not pay. It took 0.2 µs for each triangle of the
+/// scene on two busy cores, a ray that goes alone over the two-wide tree 0.4 to 0.7 µs longer (`rt-benches`, program
+/// `masks`): 2 to 4 triangles a ray for one stream, and the tree is kept for the next.
+const MOST_PER_RAY: usize = 8;
 
 /// Launches of the masks that were used last, the latest first.
 #[derive(Debug, Default)]

@@ -17,6 +17,7 @@ use rt_core::{
     DeviceError, DeviceErrorKind, Hit, Launch, Query, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
     random,
 };
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Rays of a launch that are traced again where one of the sample was refused: enough to tell a share of a
@@ -137,8 +138,11 @@ impl Asked {
             task_seconds.clear();
         }
         let known = |ray: u32| done.is_some_and(|mask| mask.contains(ray));
-        let asked = || tasks.iter().flat_map(Task::range).flat_map(|ray| std::iter::repeat_n(ray, per_ray));
-        self.possible(asked().zip(hits.iter()).filter(|(ray, _)| !known(*ray)))?;
+        let mut rest = &hits[..];
+        for task in tasks {
+            let own = rest.split_off(..task.rays as usize * per_ray).unwrap_or_default();
+            self.possible(task.range(), per_ray, own, known)?;
+        }
         if per_ray > 1 && !hits.chunks(per_ray).all(is_in_order) {
             return Err(untrue("hits of a ray are not in order of distance and number".to_owned()));
         }
@@ -169,7 +173,9 @@ impl Asked {
         counts: &mut [TestCounts],
     ) -> Result<Checked, DeviceError> {
         let _environment = rt_fenv::Environment::enter();
-        self.possible(rays.iter().copied().zip(hits.iter()))?;
+        for (&ray, hit) in rays.iter().zip(&*hits) {
+            self.possible(ray..ray + 1, 1, std::slice::from_ref(hit), |_| false)?;
+        }
         // A walk brings the nearest of several hits.
         let query = if self.spec.query == Query::Any { Query::Any } else { Query::Closest };
         self.audit(rays.len(), |place| rays.get(place).copied(), (query, hits), counts)
@@ -183,32 +189,43 @@ impl Asked {
         Ok(Span { in_kernel: span.in_kernel.min(span.duration()), ..span })
     }
 
-    /// Refuses what cannot be true, whatever the scene looks like.
-    fn possible<'h>(&self, mut hits: impl Iterator<Item = (u32, &'h Hit)>) -> Result<(), DeviceError> {
+    /// Refuses what cannot be true, whatever the scene looks like, of the hits of consecutive rays, so many for each;
+    /// but for rays whose hits do not count as they are `known`.
+    fn possible(
+        &self,
+        rays: Range<u32>,
+        per_ray: usize,
+        hits: &[Hit],
+        known: impl Fn(u32) -> bool,
+    ) -> Result<(), DeviceError> {
         let (primitives, mask) = (self.scene.primitive_count(), self.spec.mask);
+        let hides = self.scene.hides(mask);
         let is_possible = |hit: &Hit, limits: [f32; 2], start: u32| {
-            is_possible(hit, limits, start, primitives) && self.scene.shows(hit.primitive, mask)
+            is_possible(hit, limits, start, primitives) && (!hides || self.scene.shows(hit.primitive, mask))
         };
+        // Of every ray of a picture: no quotient for each.
+        let ray = |place: usize| rays.start + if per_ray == 1 { place } else { place / per_ray } as u32;
+        let endless = [0.0, f32::INFINITY];
+        let mut hits = hits.iter().enumerate().filter(|(_, hit)| !is_miss(hit));
         let wrong = match &self.source {
-            RaySource::Explicit { rays, origins } => hits.find(|(index, hit)| {
-                let ray = &rays[*index as usize];
-                let start = origins.as_ref().map_or(u32::MAX, |origins| origins[*index as usize]);
-                !(is_miss(hit) || is_possible(hit, [ray.tmin, ray.tmax], start) && ray.is_valid())
+            RaySource::Explicit { rays, origins } => hits.find(|(place, hit)| {
+                let (number, given) = (ray(*place), &rays[ray(*place) as usize]);
+                let start = origins.as_ref().map_or(u32::MAX, |origins| origins[number as usize]);
+                !(known(number) || is_possible(hit, [given.tmin, given.tmax], start) && given.is_valid())
             }),
             RaySource::Camera(_) => {
-                hits.find(|(_, hit)| !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], u32::MAX)))
+                hits.find(|(place, hit)| !is_possible(hit, endless, u32::MAX) && !known(ray(*place)))
             }
-            RaySource::Bounce(bounce) => hits.find(|(index, hit)| {
-                let start = bounce.departures[*index as usize].primitive;
-                !(is_miss(hit) || is_possible(hit, [0.0, f32::INFINITY], start))
+            RaySource::Bounce(bounce) => hits.find(|(place, hit)| {
+                let start = bounce.departures[ray(*place) as usize].primitive;
+                !is_possible(hit, endless, start) && !known(ray(*place))
             }),
         };
-        match wrong {
-            None => Ok(()),
-            Some((ray, Hit { t, u, v, primitive })) => Err(untrue(format!(
-                "its answer for ray {ray} cannot be true: t {t}, u {u}, v {v}, primitive {primitive} of {primitives}"
-            ))),
-        }
+        let Some((place, Hit { t, u, v, primitive })) = wrong else { return Ok(()) };
+        let ray = ray(place);
+        Err(untrue(format!(
+            "its answer for ray {ray} cannot be true: t {t}, u {u}, v {v}, primitive {primitive} of {primitives}"
+        )))
     }
 
     /// Traces a sample again; `ray` is the ray at a place, unless its answer does not count.
