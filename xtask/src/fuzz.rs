@@ -1,6 +1,7 @@
 //! `cargo xtask fuzz`: libFuzzer on every target in `fuzz/`.
 
 use crate::command::{cargo, complain, root, run, succeeds};
+use crate::files::entries;
 use crate::nightly;
 use anyhow::{Context, Result, bail};
 
@@ -46,13 +47,6 @@ pub(crate) fn fuzz(minutes: u32) -> Result<()> {
 
 /// Their names, in order.
 fn targets() -> Result<Vec<String>> {
-    let folder = root().join(PROGRAMS);
-    let context = || format!("cannot read `{}`", folder.display());
-    let mut names = Vec::new();
-    for file in std::fs::read_dir(&folder).with_context(context)? {
-        let path = file.with_context(context)?.path();
-        names.extend(path.file_stem().map(|name| name.to_string_lossy().into_owned()));
-    }
-    names.sort_unstable();
-    Ok(names)
+    let files = entries(&root().join(PROGRAMS))?;
+    Ok(files.iter().filter_map(|file| file.file_stem()).map(|name| name.to_string_lossy().into_owned()).collect())
 }

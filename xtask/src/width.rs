@@ -1,6 +1,7 @@
 //! The width of lines that rustfmt does not break.
 
 use crate::command::root;
+use crate::files::entries;
 use anyhow::{Context, Result, bail};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,10 +57,8 @@ fn read(file: &Path) -> Result<String> {
 
 /// The repository's own files below a folder.
 fn files(folder: &Path, endings: &[&str]) -> Result<Vec<PathBuf>> {
-    let unreadable = || format!("cannot read the folder `{}`", folder.display());
     let mut found = Vec::new();
-    for entry in fs::read_dir(folder).with_context(unreadable)? {
-        let path = entry.with_context(unreadable)?.path();
+    for path in entries(folder)? {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         if path.is_dir() {
             if !name.starts_with('.') && !["target", "out"].contains(&name) {

@@ -14,8 +14,8 @@
 use rt_bvh::Stack;
 use rt_core::arguments::is_disbelieved;
 use rt_core::{
-    DeviceError, DeviceErrorKind, Hit, Launch, Query, RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts,
-    random,
+    DeviceError, DeviceErrorKind, Hit, Launch, Query, Ray, RayMask, RaySource, Scene, Span, StreamSpec, Task,
+    TestCounts, random,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -198,29 +198,23 @@ impl Asked {
         hits: &[Hit],
         known: impl Fn(u32) -> bool,
     ) -> Result<(), DeviceError> {
-        let (primitives, mask) = (self.scene.primitive_count(), self.spec.mask);
-        let hides = self.scene.hides(mask);
-        let is_possible = |hit: &Hit, limits: [f32; 2], start: u32| {
-            is_possible(hit, limits, start, primitives) && (!hides || self.scene.shows(hit.primitive, mask))
-        };
+        let primitives = self.scene.primitive_count();
         // Of every ray of a picture: no quotient for each.
         let ray = |place: usize| rays.start + if per_ray == 1 { place } else { place / per_ray } as u32;
-        let endless = [0.0, f32::INFINITY];
-        let mut hits = hits.iter().enumerate().filter(|(_, hit)| !is_miss(hit));
-        let wrong = match &self.source {
-            RaySource::Explicit { rays, origins } => hits.find(|(place, hit)| {
-                let (number, given) = (ray(*place), &rays[ray(*place) as usize]);
-                let start = origins.as_ref().map_or(u32::MAX, |origins| origins[number as usize]);
-                !(known(number) || is_possible(hit, [given.tmin, given.tmax], start) && given.is_valid())
-            }),
-            RaySource::Camera(_) => {
-                hits.find(|(place, hit)| !is_possible(hit, endless, u32::MAX) && !known(ray(*place)))
-            }
-            RaySource::Bounce(bounce) => hits.find(|(place, hit)| {
-                let start = bounce.departures[ray(*place) as usize].primitive;
-                !is_possible(hit, endless, start) && !known(ray(*place))
-            }),
+        let is_possible = |hit: &Hit, ray: u32| {
+            let (limits, start) = match &self.source {
+                RaySource::Explicit { rays, .. } if !rays[ray as usize].is_valid() => return false,
+                RaySource::Explicit { rays, origins } => {
+                    let Ray { tmin, tmax, .. } = rays[ray as usize];
+                    ([tmin, tmax], origins.as_ref().map_or(u32::MAX, |origins| origins[ray as usize]))
+                }
+                RaySource::Camera(_) => ([0.0, f32::INFINITY], u32::MAX),
+                RaySource::Bounce(bounce) => ([0.0, f32::INFINITY], bounce.departures[ray as usize].primitive),
+            };
+            is_possible(hit, limits, start, primitives) && self.scene.shows(hit.primitive, self.spec.mask)
         };
+        let is_wrong = |place: usize, hit: &Hit| !(is_miss(hit) || is_possible(hit, ray(place)) || known(ray(place)));
+        let wrong = hits.iter().enumerate().find(|&(place, hit)| is_wrong(place, hit));
         let Some((place, Hit { t, u, v, primitive })) = wrong else { return Ok(()) };
         let ray = ray(place);
         Err(untrue(format!(

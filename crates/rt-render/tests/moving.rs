@@ -3,7 +3,7 @@
 use glam::Vec3;
 use rt_balance::cpu::CpuDevice;
 use rt_balance::estimators::History;
-use rt_balance::report::StreamReport;
+use rt_balance::report::{StreamReport, UpdateReport};
 use rt_balance::{Balancer, BuildOptions, Control, Device, Hit, MOST_GROWTH, Mesh, Scheduling, Stream, build};
 use rt_bvh::Builder;
 use rt_core::bounce::Surfaces;
@@ -67,37 +67,49 @@ fn hits(renderer: &Renderer<'_>, view: &View, balancer: &mut Balancer) -> Vec<Hi
     hits
 }
 
-/// Mutants: a picture of the scene before; surfaces of another scene than the one that is traced; an estimator that
-/// begins anew with each frame; a frame that is not reported.
-#[test]
-fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
-    let (mut renderer, view, wind) = garden(Strength::BREEZE);
-    let mut moved = wind.clone();
+/// Shows frames of the garden in the wind, estimated by what the ones before took; `each` is told the number and the
+/// picture. What was recorded of their streams, and of the updates before them.
+fn played(
+    strength: Strength,
+    frames: impl IntoIterator<Item = u32>,
+    mut each: impl FnMut(u32, &[Vec3], &Renderer<'_>, &View, &mut Session<'_>),
+) -> (Vec<StreamReport>, Vec<UpdateReport>) {
+    let (mut renderer, view, wind) = garden(strength);
     let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices()).expect("processors take it");
     let mut reports: Vec<StreamReport> = Vec::new();
     let mut record = |traced: rt_render::Traced<'_>| reports.push(traced.run.report);
     let scheduling = Scheduling { estimator: Box::new(History::default()), ..Scheduling::default() };
     let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
     let mut animation = Animation::new(Some(wind));
-    let mut before = Vec::new();
-    for number in 0..FRAMES {
+    for number in frames {
         assert_eq!(animation.show(number, &mut renderer, &mut session).expect("an update"), number > 0);
         let picture = render(&renderer, &view, &mut session, number);
-        let found = hits(&renderer, &view, &mut session.balancer);
+        each(number, &picture, &renderer, &view, &mut session);
+    }
+    drop(session);
+    (reports, animation.updates().to_vec())
+}
+
+/// Mutants: a picture of the scene before; surfaces of another scene than the one that is traced; an estimator that
+/// begins anew with each frame; a frame that is not reported.
+#[test]
+fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
+    let (_, _, mut moved) = garden(Strength::BREEZE);
+    let mut before = Vec::new();
+    let (reports, updates) = played(Strength::BREEZE, 0..FRAMES, |number, picture, renderer, view, session| {
+        let found = hits(renderer, view, &mut session.balancer);
         assert!(found != before, "frame {number} shows what the one before does");
 
         let Mesh { positions, indices } = moved.after(number as f32 / FRAMES_PER_SECOND);
         let anew = build(Mesh { positions, indices }, &BuildOptions::default()).expect("the garden").scene;
         let mut balancer = Balancer::new(Arc::clone(&anew), &devices()).expect("processors take it");
-        assert!(hits(&renderer, &view, &mut balancer) == found, "frame {number}");
+        assert!(hits(renderer, view, &mut balancer) == found, "frame {number}");
         let (other, _, _) = garden(Strength::BREEZE);
         let other = Renderer { surfaces: Arc::new(Surfaces::new(anew)), ..other };
         let mut alone = Session { balancer, scheduling: Scheduling::default(), show: &|_| {}, record: &mut |_| {} };
-        assert!(render(&other, &view, &mut alone, number) == picture, "frame {number}");
+        assert!(render(&other, view, &mut alone, number) == picture, "frame {number}");
         before = found;
-    }
-    drop(session);
-    let updates = animation.updates();
+    });
     assert_eq!(updates.iter().map(|update| update.frame).collect::<Vec<_>>(), [1, 2, 3]);
     assert!(updates.iter().all(|update| update.tree == "fitted" && update.fit_s > 0.0), "{updates:?}");
     // Samples were walked for the first frame alone.
@@ -109,19 +121,8 @@ fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
 /// Mutants: a tree that is fitted whatever it costs then; an estimator that begins anew with another tree.
 #[test]
 fn a_hurricane_has_the_tree_built_anew_and_history_goes_on() {
-    let (mut renderer, view, wind) = garden("60".parse().expect("a strength"));
-    let balancer = Balancer::new(Arc::clone(renderer.surfaces.scene()), &devices()).expect("processors take it");
-    let mut reports: Vec<StreamReport> = Vec::new();
-    let mut record = |traced: rt_render::Traced<'_>| reports.push(traced.run.report);
-    let scheduling = Scheduling { estimator: Box::new(History::default()), ..Scheduling::default() };
-    let mut session = Session { balancer, scheduling, show: &|_| {}, record: &mut record };
-    let mut animation = Animation::new(Some(wind));
-    for number in [0, 3, 4] {
-        animation.show(number, &mut renderer, &mut session).expect("an update");
-        render(&renderer, &view, &mut session, number);
-    }
-    drop(session);
-    let [first, second] = animation.updates() else { panic!("two updates: {:?}", animation.updates()) };
+    let (reports, updates) = played("60".parse().expect("a strength"), [0, 3, 4], |_, _, _, _, _| {});
+    let [first, second] = &updates[..] else { panic!("two updates: {updates:?}") };
     assert_eq!([first, second].map(|update| (update.frame, update.tree)), [(3, "rebuilt"), (4, "fitted")]);
     assert!(first.growth > Some(MOST_GROWTH) && first.build_s > 0.0 && first.why.is_some(), "{first:?}");
     assert!(reports.iter().all(|report| (report.estimate.fraction > 0.0) == (report.frame == 0)));

@@ -13,8 +13,10 @@ pub fn reasons(runs: &[StreamRun]) -> String {
     let naming = Naming::of(runs);
     let mut told: Vec<(&StreamReport, u64)> = Vec::new();
     for report in runs.iter().map(|run| &run.report).filter(|report| report.estimate.reason.is_some()) {
-        let of = |report: &StreamReport| (report.kind.clone(), report.frame, report.estimate.chosen.clone());
-        match told.iter_mut().find(|(other, _)| of(other) == of(report)) {
+        let told_alike = |other: &StreamReport| {
+            (&other.kind, other.frame, &other.estimate.chosen) == (&report.kind, report.frame, &report.estimate.chosen)
+        };
+        match told.iter_mut().find(|(other, _)| told_alike(other)) {
             Some((longest, count)) => {
                 *count += 1;
                 if report.makespan_s > longest.makespan_s {
