@@ -14,6 +14,7 @@ mod pip;
 mod python;
 mod registered;
 mod setup;
+mod steps;
 mod test;
 mod unsafe_code;
 mod vulkan;
@@ -68,7 +69,7 @@ fn main() -> ExitCode {
         ["no-std"] => no_std::prove(),
         ["estimation"] => estimation::estimation(false),
         ["estimation", "--quick"] => estimation::estimation(true),
-        ["loom"] => unsafe_code::loom(),
+        ["loom"] => command::run(&mut unsafe_code::loom()),
         ["asan"] => unsafe_code::asan(),
         ["fuzz", "--minutes", minutes] => match minutes.parse() {
             Ok(minutes) => fuzz::fuzz(minutes),

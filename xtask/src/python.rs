@@ -39,8 +39,14 @@ pub(crate) fn install() -> Result<String> {
     Ok(format!("made {}", environment.folder.display()))
 }
 
-/// Formatting, lints and licences of the native half; then the wheel is built, installed and tested.
+/// Checks the native half, and tests the wheel.
 pub(crate) fn test() -> Result<()> {
+    install_wheel()?;
+    run(&mut tests())
+}
+
+/// Formatting, lints and licences of the native half; then the wheel is built and installed.
+pub(crate) fn install_wheel() -> Result<()> {
     let environment = environment();
     let python = environment.program("python");
     run(&mut cargo(&format!("fmt {MANIFEST} --check")))?;
@@ -51,11 +57,16 @@ pub(crate) fn test() -> Result<()> {
     }
     let wheel = wheel(&environment)?;
     let mut install = environment.install();
-    run(install.args(["--no-deps", "--no-index", "--force-reinstall"]).arg(wheel))?;
+    run(install.args(["--no-deps", "--no-index", "--force-reinstall"]).arg(wheel))
+}
+
+/// What tests the installed wheel.
+pub(crate) fn tests() -> Command {
     // From another folder: whoever imports the sources instead of the wheel shall find none.
-    let mut pytest = Command::new(python);
+    let mut pytest = Command::new(environment().program("python"));
     pytest.args(["-m", "pytest", "--quiet", "-p", "no:cacheprovider"]).arg(root().join("python/tests"));
-    run(pytest.current_dir(std::env::temp_dir()).env("PYTHONDONTWRITEBYTECODE", "1"))
+    pytest.current_dir(std::env::temp_dir()).env("PYTHONDONTWRITEBYTECODE", "1");
+    pytest
 }
 
 /// Builds the wheel, and says where it is.

@@ -3,6 +3,7 @@
 use crate::command::{cargo, root, run};
 use crate::{embree, nightly, setup, vulkan};
 use anyhow::{Result, bail};
+use std::process::Command;
 
 /// Packages with `unsafe` in them, and the tests that go through all of it: the bindings' sentinel, the kernels for
 /// processors, both GPU backends with all layouts, and Embree beside them. The tests of lost devices hang them on
@@ -42,10 +43,10 @@ pub(crate) fn asan() -> Result<()> {
 }
 
 /// Every interleaving of a few devices on the lock-free queues.
-pub(crate) fn loom() -> Result<()> {
+pub(crate) fn loom() -> Command {
     let mut tests = cargo("test -p rt-sched --lib loom");
     tests.env("RUSTFLAGS", "--cfg loom");
     // Its own, since the flag would have everything built anew.
     tests.env("CARGO_TARGET_DIR", root().join("target/loom"));
-    run(&mut tests)
+    tests
 }
