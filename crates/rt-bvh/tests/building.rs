@@ -94,7 +94,7 @@ fn no_hundred_thousand_triangles_make_a_builder_slow() {
     ];
     for &builder in Builder::ALL {
         // Those that try to move many nodes visit 256 for each of them in the worst case, which takes seconds.
-        let thorough = matches!(builder, Builder::Ploc(PlocQuality::Slow | PlocQuality::VerySlow));
+        let thorough = matches!(builder, Builder::SahSlow | Builder::Ploc(PlocQuality::Slow | PlocQuality::VerySlow));
         let (count, most) = if thorough { (20_000, MOST_STEPS) } else { (100_000, 20.0) };
         for (name, corners) in kinds {
             let model = made(count, corners);

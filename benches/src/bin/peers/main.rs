@@ -41,7 +41,7 @@ use std::sync::Arc;
 struct Options {
     #[command(flatten)]
     common: options::Options,
-    /// Tree builder: sah, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
+    /// Tree builder: sah, sah-slow, or ploc-fastest, -very-fast, -fast, -medium, -slow, -very-slow
     #[arg(long, value_name = "NAME", default_value_t = Builder::Sah)]
     builder: Builder,
     /// Size of the picture in pixels

@@ -35,6 +35,13 @@ impl Bounds {
     }
 }
 
+impl From<&Aabb> for Bounds {
+    #[inline]
+    fn from(bounds: &Aabb) -> Self {
+        Self { min: bounds.min.extend(0.0), max: bounds.max.extend(0.0) }
+    }
+}
+
 impl From<&Reference> for Bounds {
     #[inline]
     fn from(reference: &Reference) -> Self {

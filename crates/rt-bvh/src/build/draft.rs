@@ -58,6 +58,37 @@ impl Draft {
         Ok(Self { nodes, parents, order })
     }
 
+    /// Of a tree whose nodes all have two children.
+    pub(super) fn of(tree: &Tree) -> Result<Self, BuildError> {
+        let most = 2 * tree.nodes.len() + 1;
+        let mut nodes: Vec<Branch> = reserved(most, "nodes")?;
+        // For each inner node, that of the tree.
+        let mut given: Vec<u32> = reserved(most, "the order of nodes")?;
+        let [near, far] = &tree.nodes[0].bounds;
+        nodes.push(Branch { bounds: Bounds::from(&near.union(*far)), first: 0, count: 0 });
+        given.push(0);
+        let mut next = 0;
+        while next < nodes.len() {
+            if nodes[next].count == 0 {
+                nodes[next].first = nodes.len() as u32;
+                let node = &tree.nodes[given[next] as usize];
+                for side in 0..2 {
+                    let (first, count, inner) = match node.child(side) {
+                        Child::Leaf { first, count } => (first, count, 0),
+                        Child::Inner(inner) => (0, 0, inner),
+                        Child::Absent => unreachable!("all nodes have two children"),
+                    };
+                    nodes.push(Branch { bounds: Bounds::from(&node.bounds[side]), first, count });
+                    given.push(inner);
+                }
+            }
+            next += 1;
+        }
+        let mut order = reserved(tree.order.len(), "the order of triangles")?;
+        order.extend_from_slice(&tree.order);
+        Self::new(nodes, order)
+    }
+
     /// All nodes, parents before their children.
     fn parents_first(&self) -> Result<Vec<u32>, BuildError> {
         let mut visits: Vec<u32> = reserved(self.nodes.len(), "the order of nodes")?;

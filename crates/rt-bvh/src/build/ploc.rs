@@ -71,9 +71,9 @@ pub(super) fn build(
     let preset = Preset::of(quality);
     // Clustering takes about half of the time, and moving nodes a quarter each time.
     let mut draft = cluster(references, &preset, control)?;
-    reinsert::improve(&mut draft, preset.reinserted[0], control, 0.5)?;
+    reinsert::improve(&mut draft, preset.reinserted[0], control, [0.5, 0.75])?;
     draft = draft.with_leaves(preset.leaf.min(max_leaf))?;
-    reinsert::improve(&mut draft, preset.reinserted[1], control, 0.75)?;
+    reinsert::improve(&mut draft, preset.reinserted[1], control, [0.75, 1.0])?;
     draft.into_tree()
 }
 

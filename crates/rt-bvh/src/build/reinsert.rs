@@ -31,9 +31,13 @@ struct Move {
     gain: f32,
 }
 
-/// Tries to move this share of all nodes, the largest near the root: a quarter of all work, of which the part `from` is
-/// done.
-pub(super) fn improve(draft: &mut Draft, share: f32, control: &mut Control<'_>, from: f32) -> Result<(), BuildError> {
+/// Tries to move this share of all nodes, the largest near the root: of all work the part from `from` to `to`.
+pub(super) fn improve(
+    draft: &mut Draft,
+    share: f32,
+    control: &mut Control<'_>,
+    [from, to]: [f32; 2],
+) -> Result<(), BuildError> {
     let count = draft.nodes.len();
     // No node of three can be elsewhere.
     if share <= 0.0 || count <= 3 {
@@ -55,7 +59,7 @@ pub(super) fn improve(draft: &mut Draft, share: f32, control: &mut Control<'_>, 
         for (i, some) in candidates[..size].chunks(WORD).enumerate() {
             let found = each(some.chunks(CHUNK).collect(), |some| find_all(draft, some));
             let part = (number as f32 + (i * WORD) as f32 / size as f32) / BATCHES as f32;
-            control.reached(from + 0.25 * part);
+            control.reached(from + (to - from) * part);
             control.worked(found.iter().map(|(_, visits)| visits).sum())?;
             moves.extend(found.into_iter().flat_map(|(moves, _)| moves));
         }

@@ -7,12 +7,17 @@
 //! Large ranges are split one after the other, each by all threads in chunks; what is left below [`SUBTREE`] is built
 //! by one thread each. Which ranges these are, and what is done with either, does not depend on threads: so neither
 //! does the tree.
+//!
+//! What is decided from the root on is not the best further down: then some nodes are moved (the module `reinsert`).
+//! Measured over diffuse rays of five scenes, a tenth of all nodes saves up to 17% of the nodes visited and costs a few
+//! hundredths of the time to build; all of them, twice, save 2 to 18% and cost two to three times the time.
 
 mod binning;
 mod range;
 
+use super::draft::Draft;
 use super::gather::Reference;
-use super::{BuildError, Control, Tree, reserve, reserved, zeroed};
+use super::{BuildError, Control, Tree, reinsert, reserve, reserved, zeroed};
 use crate::parallel::each;
 use alloc::vec::Vec;
 use binning::Chunks;
@@ -26,7 +31,41 @@ const SUBTREE: u32 = 1 << 14;
 /// Subtrees built between two words to whoever waits.
 const WAVE: usize = 32;
 
-pub(super) fn build(references: Vec<Reference>, max_leaf: u32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
+/// Shares of nodes that are tried elsewhere, one after the other, and which part of all work is done before.
+struct Effort {
+    shares: &'static [f32],
+    before: f32,
+}
+
+impl Effort {
+    const USUAL: Self = Self { shares: &[0.1], before: 0.8 };
+    const THOROUGH: Self = Self { shares: &[1.0, 1.0], before: 0.4 };
+}
+
+pub(super) fn build(
+    references: Vec<Reference>,
+    max_leaf: u32,
+    thorough: bool,
+    control: &mut Control<'_>,
+) -> Result<Tree, BuildError> {
+    let Effort { shares, before } = if thorough { Effort::THOROUGH } else { Effort::USUAL };
+    let tree = split(references, max_leaf, before, control)?;
+    // A root may have one child.
+    if tree.nodes.len() < 2 {
+        return Ok(tree);
+    }
+    let mut draft = Draft::of(&tree)?;
+    let part = (1.0 - before) / shares.len() as f32;
+    for (number, &share) in shares.iter().enumerate() {
+        let from = before + part * number as f32;
+        reinsert::improve(&mut draft, share, control, [from, from + part])?;
+    }
+    // Moved nodes may lie too deep.
+    Ok(draft.into_tree()?.unwrap_or(tree))
+}
+
+/// The tree from the root on, which is the part `all` of all work.
+fn split(references: Vec<Reference>, max_leaf: u32, all: f32, control: &mut Control<'_>) -> Result<Tree, BuildError> {
     if references.is_empty() {
         return Ok(Tree::empty());
     }
@@ -55,7 +94,7 @@ pub(super) fn build(references: Vec<Reference>, max_leaf: u32, control: &mut Con
         }
         upper.push(Upper::Subtree { range, buffer, depth });
     }
-    let subtrees = grow(&upper, &mut buffers, max_leaf, control)?;
+    let subtrees = grow(&upper, &mut buffers, max_leaf, all, control)?;
     let nodes = join(&upper, subtrees)?;
 
     let mut order = reserved(count, "the order of triangles")?;
@@ -89,11 +128,12 @@ struct Subtree {
     steps: u64,
 }
 
-/// Builds all subtrees, in their order.
+/// Builds all subtrees, in their order. When all stand, the part `all` of all work is done.
 fn grow(
     upper: &[Upper],
     buffers: &mut [Vec<Reference>; 2],
     max_leaf: u32,
+    all: f32,
     control: &mut Control<'_>,
 ) -> Result<Vec<Subtree>, BuildError> {
     let [mut first, mut second] = buffers.each_mut().map(|buffer| &mut buffer[..]);
@@ -118,7 +158,7 @@ fn grow(
         {
             let subtree = subtree?;
             steps += subtree.steps;
-            control.placed(placed);
+            control.placed(placed, all);
             subtrees.push(subtree);
         }
         control.worked(steps)?;
