@@ -8,9 +8,9 @@
 //! by one thread each. Which ranges these are, and what is done with either, does not depend on threads: so neither
 //! does the tree.
 //!
-//! What is decided from the root on is not the best further down: then some nodes are moved (the module `reinsert`).
-//! Measured over diffuse rays of five scenes, a tenth of all nodes saves up to 17% of the nodes visited and costs a few
-//! hundredths of the time to build; all of them, twice, save 2 to 18% and cost two to three times the time.
+//! What is decided from the root on is not always best: some nodes are moved then (the module `reinsert`). The largest
+//! fiftieth costs a few hundredths of the time to build and mends what went wrong near the root; all of them, twice, cost
+//! four times as much (docs/results/cpu.md).
 
 mod binning;
 mod range;
@@ -38,7 +38,7 @@ struct Effort {
 }
 
 impl Effort {
-    const USUAL: Self = Self { shares: &[0.1], before: 0.8 };
+    const USUAL: Self = Self { shares: &[0.02], before: 0.95 };
     const THOROUGH: Self = Self { shares: &[1.0, 1.0], before: 0.4 };
 }
 
