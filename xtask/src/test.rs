@@ -96,7 +96,7 @@ fn parts(packages: &Packages, features: &str) -> Result<Vec<Step>> {
 
 /// How cargo runs the tests of the workspace.
 struct Tests {
-    /// With MPI the command's tests over several processes too.
+    /// With MPI the command's tests over several processes too. Peers are built for other tests in any case.
     features: &'static str,
     variables: Vec<(&'static str, OsString)>,
     /// Where the software Vulkan drivers are; empty where someone names others.
@@ -118,13 +118,13 @@ impl Tests {
         if is_ci() && std::env::var_os("RT_REQUIRE").is_none() {
             variables.push(("RT_REQUIRE", setup.provided.join(",").into()));
         }
-        let features = if setup.mpi { "--features rt-cli/mpi" } else { "" };
+        let features = if setup.mpi { "rt-cli/peers,rt-cli/mpi" } else { "rt-cli/peers" };
         Ok(Self { features, variables, drivers, drivers_are_named })
     }
 
     /// The tests that `arguments` choose, split at spaces.
     fn command(&self, arguments: &str) -> Command {
-        let mut command = cargo(&format!("test --workspace {} {arguments}", self.features));
+        let mut command = cargo(&format!("test --workspace --features {} {arguments}", self.features));
         command.env_remove(real_scenes::VARIABLE).envs(self.variables.iter().cloned());
         command
     }

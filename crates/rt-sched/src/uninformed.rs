@@ -85,6 +85,7 @@ pub fn does_sample(
         devices: devices as u32,
         uninformed_excess: queue.uninformed_excess(&regime),
         moves: queue.moves(&regime),
+        has_walks: true,
     };
     matches!(estimator.next(stream, Observation::default()), Step::Sample { .. })
 }

@@ -73,6 +73,7 @@ impl Picture {
             devices: speeds.len() as u32,
             uninformed_excess: queue.uninformed_excess(&regime),
             moves: queue.moves(&regime),
+            has_walks: true,
         };
         let mut auto = Auto::default();
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
