@@ -67,6 +67,14 @@ impl Opened {
     }
 }
 
+/// Opens the devices of a list that are to work at the same time: those of [`Opener::open`], without their names.
+///
+/// # Errors
+/// As [`Opener::open`].
+pub fn open(list: &str) -> Result<Vec<Arc<dyn Device>>, ListError> {
+    Ok(Opener::new().open(list)?.into_iter().map(|opened| opened.device).collect())
+}
+
 /// Opens devices by name.
 #[derive(Debug, Default)]
 pub struct Opener {

@@ -4,17 +4,15 @@
 //! tasks, runs them with one host thread per device, and reports how close the result is to the best possible.
 //!
 //! ```
-//! use rt_balance::{Balancer, Hit, Ray, cpu::CpuDevice};
-//! use std::sync::Arc;
+//! use rt_balance::{Balancer, Hit, Ray, devices};
 //!
 //! // A renderer's own buffers: no file, no scene format.
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 //! let indices = [[0, 1, 2]];
-//! let devices: Vec<Arc<dyn rt_balance::Device>> =
-//!     CpuDevice::open_all(&[1, 1])?.into_iter().map(|d| Arc::new(d) as _).collect();
-//! let mut balancer = Balancer::for_mesh(&positions, &indices, &devices)?;
-//!
 //! let rays = vec![Ray::new([0.2, 0.2, 1.0].into(), [0.0, 0.0, -1.0].into()); 10_000];
+//!
+//! let devices = devices::open("cpu:1,cpu:1")?; // "auto": every core and graphics card
+//! let mut balancer = Balancer::for_mesh(&positions, &indices, &devices)?;
 //! let mut hits = vec![Hit::MISS; rays.len()];
 //! let run = balancer.trace_rays(&rays, &mut hits)?;
 //! assert!(hits.iter().all(|hit| hit.primitive == 0 && hit.t == 1.0));
