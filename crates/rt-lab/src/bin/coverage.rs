@@ -17,14 +17,14 @@
 use anyhow::Result;
 use clap::Parser;
 use rayon::prelude::*;
-use rt_balance::catalogue::{ESTIMATORS, Estimator, find};
+use rt_balance::catalogue::{Estimator, find};
 use rt_balance::stats::median;
 use rt_bvh::{Builder, Stack};
 use rt_core::{
     Coherence, CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step,
     StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
-use rt_lab::arguments;
+use rt_lab::{arguments, estimators};
 use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::print::Stdout;
@@ -152,11 +152,11 @@ fn cases(options: &Options) -> Result<Vec<Case>> {
     };
     let mut cases = Vec::new();
     for &fraction in &options.fractions {
-        let of = |name| find(ESTIMATORS, name).and_then(|entry| entry.with(fraction));
+        let of = |name| find(estimators::all(), name).and_then(|entry| entry.with(fraction));
         cases.extend(["exact", "reduced", "field"].into_iter().filter_map(of).map(|chosen| case("", chosen, 0)));
         cases.extend(of("field").map(|chosen| case(", warm,", chosen, WARMING)));
     }
-    let usual = |name| find(ESTIMATORS, name).map(|entry| case("", entry.usual(), 0));
+    let usual = |name| find(estimators::all(), name).map(|entry| case("", entry.usual(), 0));
     cases.extend(["adaptive", "auto"].into_iter().filter_map(usual));
     let asked = |case: &Case| options.only.is_empty() || options.only.iter().any(|only| case.name.starts_with(only));
     let known: Vec<String> = cases.iter().map(|case: &Case| case.name.clone()).collect();
