@@ -27,6 +27,7 @@ pub mod estimators;
 pub mod figure1;
 mod intervals;
 mod lab;
+mod lifelines;
 pub mod simulate;
 mod subject;
 mod time_budget;

@@ -373,7 +373,7 @@ fn does_sample(kind: StreamKind, tasks: &[Task], devices: usize, are_alike: bool
 }
 
 /// The default's excess beside that of the best strategy, and which that is: of a first stream, and of later ones.
-fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64, String); 2] {
+fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64, pictures: u32) -> [(f64, f64, String); 2] {
     let given = rt_core::tasks_of(tasks * RAYS, RAYS);
     let cut = finer(&given, speeds.len()).unwrap_or(given);
     let cells = cut.len() as u32 / tasks;
@@ -383,7 +383,7 @@ fn default_and_best(speeds: &[f64], tasks: u32, launch_share: f64) -> [(f64, f64
         let price = if known == SAMPLES { price(RAYS / parts) } else { 0.0 };
         let costs = if matches!(known, Known::Costs(_)) { ", costs" } else { "" };
         let grain = if parts > 1 { ", cut" } else { "" };
-        (100.0 * price + case.mean()[0], std::format!("{queue}{costs}{grain}"))
+        (100.0 * price + case.mean_of(pictures)[0], std::format!("{queue}{costs}{grain}"))
     };
     let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
     let samples = does_sample(StreamKind::Primary, &cut, speeds.len(), are_alike);
@@ -450,7 +450,7 @@ fn few_rays_tell_how_fast_unlike_devices_are() {
     for (speeds, most) in
         [(turns(&[1.0, 2.0, 4.0], 3), 12.0), (turns(&[1.0, 50.0, 50.0], 3), 10.0), (cores_and_card(), 10.0)]
     {
-        let [(first, ..), _] = default_and_best(&speeds, 2 * speeds.len() as u32, 0.0);
+        let [(first, ..), _] = default_and_best(&speeds, 2 * speeds.len() as u32, 0.0, PICTURES);
         assert!(first <= most, "{} devices: {first}%", speeds.len());
     }
 }
@@ -459,9 +459,6 @@ fn few_rays_tell_how_fast_unlike_devices_are() {
 #[test]
 #[ignore = "prints the table of docs/results/scheduling.md, which takes minutes"]
 fn regimes() {
-    const SHARES: [f64; 4] = [0.0, 0.001, 0.01, 0.1];
-    let equal = |m| (std::format!("{m} equal"), turns(&[1.0], m));
-    let three = |a: f64, b: f64, m| (std::format!("{m} of 1:{a}:{b}"), turns(&[1.0, a, b], m));
     let machines = [
         equal(2),
         equal(8),
@@ -471,20 +468,44 @@ fn regimes() {
         three(50.0, 50.0, 3),
         three(50.0, 50.0, 63),
         ("16 x 1 + 500".to_owned(), cores_and_card()),
-        // These take longest.
-        equal(1024),
-        three(2.0, 4.0, 1023),
     ];
+    print_regimes(&machines, &[2, 8, 32, 128, 1024], 1 << 14, PICTURES);
+}
+
+/// Prints the same for many equal devices, of one picture.
+#[test]
+#[ignore = "prints rows of the table of docs/results/scheduling.md, which takes half an hour"]
+fn many_equal_devices() {
+    print_regimes(&[equal(1024)], &[2, 8, 64], 1 << 16, 1);
+}
+
+/// Prints the same for many devices of three speeds, of one picture.
+#[test]
+#[ignore = "prints rows of the table of docs/results/scheduling.md, which takes half an hour"]
+fn many_unlike_devices() {
+    print_regimes(&[three(2.0, 4.0, 1023)], &[2, 8, 64], 1 << 16, 1);
+}
+
+fn equal(m: usize) -> (String, Vec<f64>) {
+    (std::format!("{m} equal"), turns(&[1.0], m))
+}
+
+fn three(a: f64, b: f64, m: usize) -> (String, Vec<f64>) {
+    (std::format!("{m} of 1:{a}:{b}"), turns(&[1.0, a, b], m))
+}
+
+fn print_regimes(machines: &[(String, Vec<f64>)], tasks_each: &[u32], most_tasks: u32, pictures: u32) {
+    const SHARES: [f64; 4] = [0.0, 0.001, 0.01, 0.1];
     let columns = "0 | 0.1% | 1% | 10%";
     eprintln!("| devices | n/m | first: {columns} | later: {columns} |");
     eprintln!("|---|---|---|---|---|---|---|---|---|---|");
     for (name, speeds) in machines {
-        for each in [2, 8, 32, 128, 1024] {
+        for each in tasks_each {
             let tasks = each * speeds.len() as u32;
-            if tasks > 1 << 14 {
+            if tasks > most_tasks {
                 continue;
             }
-            let cells = SHARES.map(|share| default_and_best(&speeds, tasks, share));
+            let cells = SHARES.map(|share| default_and_best(speeds, tasks, share, pictures));
             let show = |(default, best, name): &(f64, f64, String)| {
                 if default - best > 1.0 {
                     std::format!(" **{default:.1}** ({best:.1} {name}) |")
