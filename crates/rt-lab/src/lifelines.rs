@@ -11,10 +11,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 ///
 /// After V. Saraswat, P. Kambadur, S. Kodali, D. Grove and S. Krishnamoorthy, *Lifeline-based Global Load Balancing*
 /// (PPoPP 2011), by which OSPRay's ranks share out tiles (W. Usher, I. Wald and others, *Scalable Ray Tracing Using the
-/// Distributed FrameBuffer*, 2019). The lifelines of a device are its neighbours on a hypercube, the numbers that differ
-/// from its own in one digit of two. Here a thief sees all of them for nothing and takes from the one that has most, so
-/// no first round of random thefts is needed, and nothing is sent in vain: what is lost to messages is not held against
-/// this rival. It knows neither costs nor speeds.
+/// Distributed FrameBuffer*, 2019). The lifelines of a device are its neighbours on a hypercube, the numbers that
+/// differ from its own in one digit of two. Here a thief sees all of them for nothing and takes from the one that has
+/// most, so no first round of random thefts is needed, and nothing is sent in vain: what is lost to messages is not
+/// held against this rival. It knows neither costs nor speeds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lifelines;
 

@@ -11,8 +11,8 @@
 //! task has rays that differ (an interval around a constant always holds); share of the tasks whose own intervals hold
 //! in less than 80% of their trials, which a mean over tasks would hide; half the width of an interval, relative to the
 //! task's tests, in the median; mean relative error of a task, after one common scale, and its 95th percentile; by how
-//! much all tasks together, and the most expensive tenth of them, are estimated too high in the mean; what the estimator
-//! itself computes for one estimate, in milliseconds of one thread's processor time, in the median.
+//! much all tasks together, and the most expensive tenth of them, are estimated too high in the mean; what the
+//! estimator itself computes for one estimate, in milliseconds of one thread's processor time, in the median.
 #![forbid(unsafe_code)]
 
 use anyhow::Result;
@@ -122,8 +122,8 @@ fn run(options: &Options) -> Result<()> {
     writeln!(Stdout, "{provenance}")?;
     writeln!(
         Stdout,
-        "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 80% | ± % | \
-         error % | p95 % | bias % | of the most expensive tenth % | host ms |"
+        "| scene | rays | estimator | samples of a task | trials | hold % | where rays differ % | tasks below 80% | \
+         ± % | error % | p95 % | bias % | of the most expensive tenth % | host ms |"
     )?;
     writeln!(Stdout, "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")?;
     for name in &options.scenes {

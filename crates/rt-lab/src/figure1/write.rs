@@ -81,8 +81,8 @@ fn page(results: &Results, figure: &Figure) -> Result<Page> {
          every task size; one panel for each scene and kind of rays. The tables below hold the same numbers.",
         "After Figure 1 of M. Rincón-Nigro and Z. Deng (2013). Grey bars in the background: regular queues, which know no \
          costs. Coloured bars: the same queues initialised by estimated costs, the estimation stacked on the tracing. \
-         Added are the hybrid queue and two rivals that know no costs: permuted regions (van Antwerpen, Seibert, Keller \
-         2019) and work stealing with lifelines (Saraswat and others 2011).",
+         Added are the hybrid queue and two rivals that know no costs: permuted regions (van Antwerpen, Seibert, \
+         Keller 2019) and work stealing with lifelines (Saraswat and others 2011).",
     );
     page.section("How it was measured");
     for note in figure.notes.iter().chain(&results.note) {

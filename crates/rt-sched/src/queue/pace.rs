@@ -112,8 +112,8 @@ impl Pace {
 }
 
 /// How many launches a share of the stream is worth to each of so many devices, whose costs deviate by `deviation` and
-/// whose speed may by `doubt`, where a launch costs `price`, all as shares of the stream. What is to be mended is by how
-/// much the latest list of all is late: some √(2 ln m) deviations (as in [`crate::uninformed::fixed_excess`]).
+/// whose speed may by `doubt`, where a launch costs `price`, all as shares of the stream. What is to be mended is by
+/// how much the latest list of all is late: some √(2 ln m) deviations, as in [`crate::uninformed::fixed_excess`].
 fn mending(devices: usize, deviation: f64, doubt: f64, price: f64) -> f64 {
     SPENT * (libm::sqrt(2.0 * libm::log(devices as f64)).max(1.0) * deviation + doubt) / price
 }
