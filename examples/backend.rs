@@ -1,14 +1,15 @@
 //! A backend of one's own: brute force over all triangles, on the caller's thread. It implements `Device` and
-//! `Tracer`, so a balancer mixes it with any other. `tools/outsider` tests it with the suite of `rt-conformance`.
+//! `Tracer`, so a balancer mixes it with any other, and `Backend`, so that lists of devices name it: `brute,cpu:1`.
+//! `tools/outsider` tests it with the suite of `rt-conformance`.
 //!
 //! `cargo run --release -p rt-balance --example backend`
 
 use rt_balance::arguments::check_spec;
-use rt_balance::cpu::CpuDevice;
+use rt_balance::devices::Opener;
 use rt_balance::intersect::Shear;
 use rt_balance::{
-    Balancer, Capabilities, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray, RayMask,
-    RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
+    Backend, Balancer, Capabilities, Clock, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, Launch, Query, Ray,
+    RayMask, RaySource, Scene, Span, StreamSpec, Task, TestCounts, Ticket, Tracer, Walk,
 };
 use std::collections::VecDeque;
 use std::io::{Write, stdout};
@@ -46,6 +47,29 @@ impl Device for BruteForce {
         let rays = RaySource::Explicit { rays: [].into(), origins: None };
         let spec = StreamSpec::default();
         Ok(Box::new(BruteTracer { scene, clock, rays, spec, launches: VecDeque::new(), next: 0 }))
+    }
+}
+
+/// Its name in lists of devices.
+#[derive(Debug)]
+pub struct BruteForces;
+
+impl Backend for BruteForces {
+    fn name(&self) -> &str {
+        "brute"
+    }
+
+    fn form(&self) -> &str {
+        "brute"
+    }
+
+    fn check(&self, which: Option<&str>) -> Result<(), DeviceError> {
+        which.map_or(Ok(()), |_| Err(wrong("there is but one: name it without a number")))
+    }
+
+    fn open(&self, which: Option<&str>) -> Result<Arc<dyn Device>, DeviceError> {
+        self.check(which)?;
+        Ok(Arc::new(BruteForce::open()))
     }
 }
 
@@ -173,8 +197,8 @@ impl Tracer for BruteTracer {
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let positions = [[0.0, 0.0, 0.0], [9.0, 0.0, 0.0], [0.0, 9.0, 0.0]];
-    let mut devices: Vec<Arc<dyn Device>> = vec![Arc::new(BruteForce::open())];
-    devices.extend(CpuDevice::open_all(&[1])?.into_iter().map(|device| Arc::new(device) as Arc<dyn Device>));
+    let mut opener = Opener::new().with_backends([Arc::new(BruteForces) as Arc<dyn Backend>]);
+    let devices: Vec<Arc<dyn Device>> = opener.open("brute,cpu:1")?.into_iter().map(|opened| opened.device).collect();
     let mut balancer = Balancer::for_mesh(&positions, &[[0, 1, 2]], &devices)?;
     let rays = vec![Ray::new([2.5, 2.5, 0.5].into(), [0.0, 0.0, -1.0].into()); 50_000];
     let mut hits = vec![Hit::MISS; rays.len()];

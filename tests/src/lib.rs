@@ -2,7 +2,7 @@
 //!
 //! * [`scenes`]: real scenes; [`strategy`]: the shapes and rays of `rt_verify` for proptest.
 //! * [`parity`]: trees compared with the exact reference on whole scenes.
-//! * [`peers`]: Embree and obvhs behind our traits; [`judge`]: who is right where they differ from us.
+//! * [`judge`]: who is right where Embree and obvhs differ from us.
 //! * [`cards`]: which graphics cards are worth a test of their own.
 //! * [`fake`]: a correct device without hardware, and flawed ones that the suites must find out.
 //!
@@ -17,6 +17,5 @@ pub mod cards;
 pub mod fake;
 pub mod judge;
 pub mod parity;
-pub mod peers;
 pub mod scenes;
 pub mod strategy;

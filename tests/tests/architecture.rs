@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Packages that serve the workspace and are nobody's dependency but each other's: tests, benchmarks, automation.
-const SERVANTS: [&str; 6] = ["embree4-sys", "fuzz-cases", "real-scenes", "rt-benches", "rt-tests", "xtask"];
+const SERVANTS: [&str; 5] = ["fuzz-cases", "real-scenes", "rt-benches", "rt-tests", "xtask"];
 
 /// A package of the workspace.
 #[derive(Debug)]

@@ -6,6 +6,7 @@
 //! are ignored with the reason, unless `RT_REQUIRE` names `embree`. The program `parity` does the same with more rays.
 
 use backend_cpu::{CpuDevice, Isa};
+use backend_peers::{EmbreeDevice, EmbreeOptions};
 use backend_vulkan::VulkanDevice;
 use backend_wgpu::WgpuDevice;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
@@ -20,7 +21,6 @@ use rt_scene::{Model, builtin};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::{Exam, Kind, trace_all};
-use rt_tests::peers::{EmbreeDevice, EmbreeOptions};
 use rt_tests::{scenes, strategy};
 use rt_verify::reference::Reference;
 use rt_verify::tree;
@@ -82,7 +82,7 @@ fn main() {
 
 /// Runs a test with Embree, robust and not, or says why it cannot be run.
 fn with_embree(test: impl FnOnce(&[EmbreeDevice; 2]) -> Result<(), Failed>) -> Result<Completion, Failed> {
-    let open = |robust| EmbreeDevice::open(EmbreeOptions { robust });
+    let open = |robust| EmbreeDevice::open(EmbreeOptions { robust, ..EmbreeOptions::default() });
     match (open(true), open(false)) {
         (Ok(robust), Ok(plain)) => test(&[robust, plain]).map(|()| Completion::Completed),
         (Err(e), _) | (_, Err(e)) if is_required("embree") => {

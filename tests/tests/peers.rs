@@ -2,18 +2,18 @@
 //!
 //! Embree's tests are ignored with the reason where its library is missing, unless `RT_REQUIRE` names `embree`.
 
+use backend_peers::{EmbreeDevice, EmbreeOptions};
 use glam::Vec3;
 use libtest_mimic::{Arguments, Completion, Failed, Trial, run};
 use rt_bvh::Builder;
 use rt_conformance::is_required;
 use rt_core::{
-    Device, DeviceErrorKind, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, StreamSpec, Task, TestCounts,
-    Ticket, Triangle, Walk,
+    Coherence, Device, DeviceErrorKind, Hit, Launch, Query, Ray, RayMask, RaySource, ReducedWalk, StreamSpec, Task,
+    TestCounts, Ticket, Triangle, Walk,
 };
 use rt_report::print::note;
 use rt_tests::judge::{Tally, judge};
 use rt_tests::parity::trace_all;
-use rt_tests::peers::{EmbreeDevice, EmbreeOptions, ObvhsDevice, ObvhsLayout};
 use rt_verify::clock;
 use rt_verify::rays::{Aim, RayMaker};
 use rt_verify::reference::Reference;
@@ -42,13 +42,16 @@ fn main() {
         ("bad_rays_do_no_harm", bad_rays_do_no_harm),
     ];
     let mut peers: Vec<(String, Opened)> = Vec::new();
-    for robust in [true, false] {
-        let device = EmbreeDevice::open(EmbreeOptions { robust });
-        let label = if robust { "embree/robust" } else { "embree/plain" };
-        peers.push((label.to_owned(), device.map(|d| Arc::new(d) as Arc<dyn Device>).map_err(|e| e.to_string())));
+    for backend in backend_peers::backends() {
+        for threads in ["1", "2"] {
+            let opened = backend.open(Some(threads)).map_err(|e| e.to_string());
+            peers.push((format!("{}:{threads}", backend.name()), opened));
+        }
     }
-    for layout in ObvhsLayout::ALL {
-        peers.push((format!("obvhs/{}", layout.name()), Ok(Arc::new(ObvhsDevice::new(layout)))));
+    for packets in [false, true] {
+        let device = EmbreeDevice::open(EmbreeOptions { packets, ..EmbreeOptions::default() });
+        let opened = device.map(|device| Arc::new(device) as Arc<dyn Device>).map_err(|e| e.to_string());
+        peers.push((if packets { "embree/packets" } else { "embree/single" }.to_owned(), opened));
     }
     let mut trials = Vec::new();
     for (label, device) in peers {
@@ -91,10 +94,11 @@ fn keeps_the_rules_of_a_tracer(device: &dyn Device) -> Result<(), Failed> {
     tracer.load_rays(source(&rays), StreamSpec::default())?;
     let mut counts = vec![TestCounts { boxes: 7, triangles: 7 }; 2];
     let mut hits = vec![Hit::MISS; 2];
-    let reduced = tracer.walk(&[0, 1], Walk::Reduced(ReducedWalk::LeafAsHit), &mut counts, None).map(drop);
-    ensure(kind(reduced) == Some(DeviceErrorKind::Unsupported), "a reduced walk is promised")?;
-    tracer.walk(&[200, 3], Walk::Full, &mut counts, Some(&mut hits))?;
-    ensure(hits == [expected[200], expected[3]] && counts == [TestCounts::default(); 2], "another walk")?;
+    for walk in [Walk::Reduced(ReducedWalk::LeafAsHit), Walk::Full] {
+        ensure(!device.info().capabilities.has_walk(walk), "a walk is promised")?;
+        let walked = tracer.walk(&[0, 1], walk, &mut counts, Some(&mut hits)).map(drop);
+        ensure(kind(walked) == Some(DeviceErrorKind::Unsupported), "a walk is made")?;
+    }
 
     let beyond = tracer.submit(&[Task { first: 299, rays: 2 }], None).map(drop);
     ensure(kind(beyond) == Some(DeviceErrorKind::InvalidArgument), "a task beyond the rays is taken")?;
@@ -125,7 +129,8 @@ fn keeps_the_rules_of_a_tracer(device: &dyn Device) -> Result<(), Failed> {
 }
 
 /// Fails when ids are positions in the leaf order, coordinates those of the normalised tree, or when limits or the
-/// primitives that rays start on are not handed on: each makes a tenth of the answers wrong at least.
+/// primitives that rays start on are not handed on, of single rays, packets or a thread's chunk: each makes a tenth of
+/// the answers wrong at least.
 fn answers_for_what_is_meant(device: &dyn Device) -> Result<(), Failed> {
     let mut meshes = [shapes::soup(400, 0.3, 2), shapes::grid(14, 0.2, 1), shapes::icosphere(3)];
     meshes[0].iter_mut().for_each(|t| *t = t.scaled(0.01));
@@ -143,14 +148,15 @@ fn answers_for_what_is_meant(device: &dyn Device) -> Result<(), Failed> {
             (ray.tmin, ray.tmax) = [(0.0, ray.tmax), (0.0, 0.9), (1.1, f32::INFINITY)][i % 3];
         }
         let verdicts = Reference::new(triangles).resolve_all(&rays);
-        for query in [Query::Closest, Query::Any] {
-            let hits = trace_all(device, &scene, &rays, StreamSpec { query, ..StreamSpec::default() })?;
+        let coherences = [Coherence::Coherent, Coherence::Incoherent];
+        for (query, coherence) in [Query::Closest, Query::Any].into_iter().flat_map(|q| coherences.map(|c| (q, c))) {
+            let hits = trace_all(device, &scene, &rays, StreamSpec { query, coherence, ..StreamSpec::default() })?;
             let mut tally = Tally::new();
             for ((hit, verdict), (ray, origin)) in hits.iter().zip(&verdicts).zip(&rays) {
                 let finding = judge(triangles, ray, *origin, query, verdict, hit);
                 tally.add(finding, || format!("{ray:?}, from {origin}: {hit:?}, {finding:?}, but {verdict:?}"));
             }
-            note(format_args!("{}, {query:?}: {tally}", device.info().name));
+            note(format_args!("{}, {query:?}, {coherence:?}: {tally}", device.info().name));
             if tally.errors() as f64 > ERRORS * tally.rays as f64 {
                 return Err(format!("{query:?}: {tally}; the first: {:?}", tally.first).into());
             }
@@ -174,7 +180,8 @@ fn bad_rays_do_no_harm(device: &dyn Device) -> Result<(), Failed> {
         }
     }
     for query in [Query::Closest, Query::Any] {
-        let hits = trace_all(device, &scene, &rays, StreamSpec { query, ..StreamSpec::default() })?;
+        let coherence = Coherence::Coherent;
+        let hits = trace_all(device, &scene, &rays, StreamSpec { query, coherence, ..StreamSpec::default() })?;
         let exists = |hit: &Hit| !hit.is_hit() || (hit.primitive as usize) < triangles.len();
         ensure(hits.len() == rays.len() && hits.iter().all(exists), "a triangle that does not exist is hit")?;
         ensure(hits[1].is_hit(), "a primitive that does not exist hides others")?;

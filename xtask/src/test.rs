@@ -125,8 +125,9 @@ fn steps(extent: Extent, setup: &Setup) -> Result<Vec<Step>> {
     };
     steps.push(Step { name: "Python package".to_owned(), check: python });
     // Documentation tests are among these: cargo runs them after a library's own.
-    // With MPI the command's tests over several processes too.
-    let mut tests = cargo(if setup.mpi { "test --workspace --features rt-cli/mpi" } else { "test --workspace" });
+    // With MPI the command's tests over several processes too. Peers are built for other tests in any case.
+    let features = if setup.mpi { "rt-cli/peers,rt-cli/mpi" } else { "rt-cli/peers" };
+    let mut tests = cargo(&format!("test --workspace --features {features}"));
     match &setup.scenes {
         Some(folders) => tests.env(real_scenes::VARIABLE, folders.unpacked()?),
         None => tests.env_remove(real_scenes::VARIABLE),

@@ -1,7 +1,6 @@
 //! What queries and callbacks are given: `rtcore_common.h`, `rtcore_geometry.h` and `rtcore_scene.h` of Embree 4.
 
 use crate::enums::{RTC_INVALID_GEOMETRY_ID, RTCFeatureFlags, RTCRayQueryFlags};
-use crate::rays::RTCBounds;
 use core::ffi::{c_int, c_uint, c_void};
 
 /// The state of a query that callbacks may see. Libraries before 4.3 do not know `instPrimID`.
@@ -18,40 +17,6 @@ impl Default for RTCRayQueryContext {
     fn default() -> Self {
         Self { instID: [RTC_INVALID_GEOMETRY_ID], instPrimID: [RTC_INVALID_GEOMETRY_ID] }
     }
-}
-
-/// What a bounds function is given.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct RTCBoundsFunctionArguments {
-    /// The geometry's user data.
-    pub geometryUserPtr: *mut c_void,
-    /// The primitive.
-    pub primID: c_uint,
-    /// The moment.
-    pub timeStep: c_uint,
-    /// Where the box goes.
-    pub bounds_o: *mut RTCBounds,
-}
-
-/// What an intersection function is given.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct RTCIntersectFunctionNArguments {
-    /// For each ray, −1 if it takes part.
-    pub valid: *mut c_int,
-    /// The geometry's user data.
-    pub geometryUserPtr: *mut c_void,
-    /// The primitive.
-    pub primID: c_uint,
-    /// The query's state.
-    pub context: *mut RTCRayQueryContext,
-    /// Rays and hits, field by field.
-    pub rayhit: *mut c_void,
-    /// Number of rays.
-    pub N: c_uint,
-    /// The geometry.
-    pub geomID: c_uint,
 }
 
 /// What a filter function is given.
@@ -72,10 +37,6 @@ pub struct RTCFilterFunctionNArguments {
     pub N: c_uint,
 }
 
-/// Gives the box of a primitive.
-pub type RTCBoundsFunction = Option<unsafe extern "C" fn(*const RTCBoundsFunctionArguments)>;
-/// Intersects rays with a primitive.
-pub type RTCIntersectFunctionN = Option<unsafe extern "C" fn(*const RTCIntersectFunctionNArguments)>;
 /// Accepts or rejects hits.
 pub type RTCFilterFunctionN = Option<unsafe extern "C" fn(*const RTCFilterFunctionNArguments)>;
 
@@ -91,8 +52,8 @@ pub struct RTCIntersectArguments {
     pub context: *mut RTCRayQueryContext,
     /// Accepts or rejects hits.
     pub filter: RTCFilterFunctionN,
-    /// Intersects user geometry.
-    pub intersect: RTCIntersectFunctionN,
+    /// Intersects user geometry, of which there is none here: null.
+    pub intersect: *mut c_void,
     /// For curves, in libraries that are configured for it.
     pub minWidthDistanceFactor: f32,
 }
@@ -107,7 +68,7 @@ impl Default for RTCIntersectArguments {
             feature_mask: RTCFeatureFlags::ALL,
             context: core::ptr::null_mut(),
             filter: None,
-            intersect: None,
+            intersect: core::ptr::null_mut(),
             minWidthDistanceFactor: 0.0,
         }
     }

@@ -120,13 +120,19 @@ impl BitOr for RTCSceneFlags {
     }
 }
 
+impl BitOr for RTCRayQueryFlags {
+    type Output = Self;
+
+    fn bitor(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+}
+
 enumeration! {
     /// Kinds of geometry.
     RTCGeometryType {
         /// A triangle mesh.
         TRIANGLE = 0,
-        /// Primitives with callbacks of the user's.
-        USER = 120,
     }
 }
 

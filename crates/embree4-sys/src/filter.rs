@@ -3,14 +3,17 @@
 use crate::arguments::*;
 use crate::enums::*;
 use crate::rays::*;
-use core::ffi::c_uint;
+use core::ffi::{c_uint, c_void};
 use core::ptr::from_mut;
 
 /// Positions of `u`, `v` and `primID` among the fields of a hit.
 const HIT_FIELDS: [usize; 3] = [3, 4, 5];
 
-/// Position of `tfar` among the fields of a ray.
-const DISTANCE_FIELD: usize = 8;
+/// Positions of `tfar` and `id` among the fields of a ray.
+const RAY_FIELDS: [usize; 2] = [8, 10];
+
+/// Most rays of a query.
+pub(crate) const MOST: usize = 16;
 
 /// A triangle that hides what is behind it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,21 +33,31 @@ pub struct Occluder {
 pub(crate) struct FilterContext {
     /// First, so that a pointer to it is one to the whole.
     context: RTCRayQueryContext,
-    /// The primitive that is not hit.
-    skip: c_uint,
-    /// The last hit that was let through: the only one, in a query for any hit.
-    pub(crate) last: Option<Occluder>,
+    /// What each ray leaves out. Rays are told by their `id`, which is their place here: without AVX-512 packets of
+    /// sixteen are traced ray by ray, and the filter sees one.
+    left_out: [c_uint; MOST],
+    /// For each ray the last hit that was let through: the only one, in a query for any hit.
+    pub(crate) last: [Option<Occluder>; MOST],
 }
 
 impl FilterContext {
-    pub(crate) fn new(skip: c_uint) -> Self {
-        Self { context: RTCRayQueryContext::default(), skip, last: None }
+    /// For one ray, whose `id` says what it leaves out until here.
+    pub(crate) fn of(ray: &mut RTCRay) -> Self {
+        let mut left_out = [RTC_INVALID_GEOMETRY_ID; MOST];
+        left_out[0] = core::mem::replace(&mut ray.id, 0);
+        Self { context: RTCRayQueryContext::default(), left_out, last: [None; MOST] }
+    }
+
+    /// The same for sixteen.
+    pub(crate) fn of_16(rays: &mut RTCRay16) -> Self {
+        let left_out = core::mem::replace(&mut rays.id, core::array::from_fn(|place| place as c_uint));
+        Self { context: RTCRayQueryContext::default(), left_out, last: [None; MOST] }
     }
 
     /// Arguments that point to this context, and must not be used when it is gone.
-    pub(crate) fn arguments(&mut self) -> RTCIntersectArguments {
+    pub(crate) fn arguments(&mut self, flags: RTCRayQueryFlags) -> RTCIntersectArguments {
         RTCIntersectArguments {
-            flags: RTCRayQueryFlags::INVOKE_ARGUMENT_FILTER,
+            flags: flags | RTCRayQueryFlags::INVOKE_ARGUMENT_FILTER,
             context: from_mut(self).cast(),
             filter: Some(filter),
             ..RTCIntersectArguments::default()
@@ -52,13 +65,7 @@ impl FilterContext {
     }
 }
 
-/// Makes a query that does not hit `primitive`: its arguments are given to `query`. The scene must have the flag
-/// [`RTCSceneFlags::FILTER_FUNCTION_IN_ARGUMENTS`].
-pub fn without<R>(primitive: c_uint, query: impl FnOnce(&RTCIntersectArguments) -> R) -> R {
-    query(&FilterContext::new(primitive).arguments())
-}
-
-/// Rejects hits of the primitive that is to be left out.
+/// Rejects hits of the primitives that rays leave out.
 ///
 /// # Safety
 /// Embree calls it, for queries whose context is the first field of a [`FilterContext`].
@@ -70,17 +77,18 @@ unsafe extern "C" fn filter(arguments: *const RTCFilterFunctionNArguments) {
     let count = N as usize;
     for i in 0..count {
         // SAFETY: there are N of each; a field of a ray or a hit is an array of N numbers of 32 bits.
-        let (valid, t, [u, v, primitive]) = unsafe {
-            let field = |field: usize| *hit.cast::<c_uint>().add(field * count + i);
-            (&mut *valid.add(i), *ray.cast::<f32>().add(DISTANCE_FIELD * count + i), HIT_FIELDS.map(field))
+        let (valid, [t, id], [u, v, primitive]) = unsafe {
+            let field = |of: *mut c_void| move |field: usize| *of.cast::<c_uint>().add(field * count + i);
+            (&mut *valid.add(i), RAY_FIELDS.map(field(ray)), HIT_FIELDS.map(field(hit)))
         };
         if *valid == 0 {
             continue;
         }
-        if primitive == own.skip {
+        let place = id as usize;
+        if own.left_out.get(place) == Some(&primitive) {
             *valid = 0;
-        } else {
-            own.last = Some(Occluder { primitive, t, u: f32::from_bits(u), v: f32::from_bits(v) });
+        } else if let Some(last) = own.last.get_mut(place) {
+            *last = Some(Occluder { primitive, t: f32::from_bits(t), u: f32::from_bits(u), v: f32::from_bits(v) });
         }
     }
 }
@@ -89,5 +97,7 @@ const _: () = {
     use core::mem::offset_of;
     let word = size_of::<c_uint>();
     assert!(offset_of!(RTCHit, u) == HIT_FIELDS[0] * word && offset_of!(RTCHit, v) == HIT_FIELDS[1] * word);
-    assert!(offset_of!(RTCHit, primID) == HIT_FIELDS[2] * word && offset_of!(RTCRay, tfar) == DISTANCE_FIELD * word);
+    assert!(offset_of!(RTCHit, primID) == HIT_FIELDS[2] * word);
+    assert!(offset_of!(RTCRay, tfar) == RAY_FIELDS[0] * word && offset_of!(RTCRay, id) == RAY_FIELDS[1] * word);
+    assert!(offset_of!(RTCRay16, id) == MOST * RAY_FIELDS[1] * word);
 };

@@ -69,8 +69,6 @@ functions! {
     rtcAttachGeometry(scene: RTCScene, geometry: RTCGeometry) -> c_uint, else RTC_INVALID_GEOMETRY_ID;
     /// Builds the tree.
     rtcCommitScene(scene: RTCScene) -> (), else ();
-    /// The box around a committed scene.
-    rtcGetSceneBounds(scene: RTCScene, bounds: *mut RTCBounds) -> (), else ();
     /// Makes a geometry.
     rtcNewGeometry(device: RTCDevice, kind: RTCGeometryType) -> RTCGeometry, else null_mut();
     /// Releases a geometry.
@@ -86,14 +84,6 @@ functions! {
         stride: usize,
         count: usize
     ) -> *mut c_void, else null_mut();
-    /// Sets the number of primitives of a user geometry.
-    rtcSetGeometryUserPrimitiveCount(geometry: RTCGeometry, count: c_uint) -> (), else ();
-    /// Sets the pointer that callbacks are given.
-    rtcSetGeometryUserData(geometry: RTCGeometry, data: *mut c_void) -> (), else ();
-    /// Sets the bounds function of a user geometry.
-    rtcSetGeometryBoundsFunction(geometry: RTCGeometry, bounds: RTCBoundsFunction, data: *mut c_void) -> (), else ();
-    /// Sets the intersection function of a user geometry.
-    rtcSetGeometryIntersectFunction(geometry: RTCGeometry, intersect: RTCIntersectFunctionN) -> (), else ();
     /// Finds the nearest hit.
     rtcIntersect1(scene: RTCScene, rayhit: *mut RTCRayHit, arguments: *mut RTCIntersectArguments) -> (), else ();
     /// Finds the nearest hits of sixteen rays.

@@ -1,8 +1,8 @@
-//! A scene of one triangle mesh, safe to use: what `embree4-rs` has no calls for.
+//! A scene of one triangle mesh, safe to use.
 
 use crate::arguments::{RTCIntersectArguments, RTCOccludedArguments};
 use crate::enums::*;
-use crate::filter::{FilterContext, Occluder};
+use crate::filter::{FilterContext, MOST, Occluder};
 use crate::functions::*;
 use crate::library::{LoadError, version};
 use crate::rays::*;
@@ -156,6 +156,19 @@ impl Mesh {
         (rayhit.hit.geomID != RTC_INVALID_GEOMETRY_ID).then_some(rayhit)
     }
 
+    /// The nearest hit but for the primitive that the ray leaves out. The scene must have the flag
+    /// [`RTCSceneFlags::FILTER_FUNCTION_IN_ARGUMENTS`]; without it, none is left out.
+    #[must_use]
+    pub fn closest_filtered(&self, ray: RTCRay) -> Option<RTCRayHit> {
+        let mut rayhit = RTCRayHit { ray, hit: RTCHit::default() };
+        let mut context = FilterContext::of(&mut rayhit.ray);
+        let mut arguments = context.arguments(RTCRayQueryFlags::INCOHERENT);
+        // SAFETY: the scene is committed; the hit has the room that every version of the library needs; context and
+        // arguments outlive the query.
+        unsafe { rtcIntersect1(self.scene.0, &raw mut rayhit, &raw mut arguments) };
+        (rayhit.hit.geomID != RTC_INVALID_GEOMETRY_ID).then_some(rayhit)
+    }
+
     /// The nearest hits of sixteen rays, which are coherent if `flags` say so; `geomID` says which of them are hits.
     #[inline]
     pub fn closest_16(&self, rays: &mut RTCRayHit16, flags: RTCRayQueryFlags) {
@@ -185,15 +198,27 @@ impl Mesh {
         ray.tfar == f32::NEG_INFINITY
     }
 
-    /// Any triangle that the ray hits, `skip` left out. The scene must have the flag
+    /// Any triangle that the ray hits but for the primitive that it leaves out. The scene must have the flag
     /// [`RTCSceneFlags::FILTER_FUNCTION_IN_ARGUMENTS`]; without it, none is found.
     #[must_use]
-    pub fn occluder(&self, mut ray: RTCRay, skip: u32) -> Option<Occluder> {
-        let mut context = FilterContext::new(skip);
-        let mut arguments = context.arguments();
+    pub fn occluder(&self, mut ray: RTCRay) -> Option<Occluder> {
+        let mut context = FilterContext::of(&mut ray);
+        let mut arguments = context.arguments(RTCRayQueryFlags::INCOHERENT);
         // SAFETY: the scene is committed; context and arguments outlive the query.
         unsafe { rtcOccluded1(self.scene.0, &raw mut ray, &raw mut arguments) };
-        if ray.tfar == f32::NEG_INFINITY { context.last } else { None }
+        if ray.tfar == f32::NEG_INFINITY { context.last[0] } else { None }
+    }
+
+    /// The same of sixteen rays, which are coherent if `flags` say so. What they leave out is forgotten.
+    #[must_use]
+    pub fn occluders_16(&self, rays: &mut RTCRay16, flags: RTCRayQueryFlags) -> [Option<Occluder>; MOST] {
+        let valid = Valid16([-1; 16]);
+        let mut context = FilterContext::of_16(rays);
+        let mut arguments = context.arguments(flags);
+        // SAFETY: the scene is committed; mask and rays have room for sixteen, and the alignment that packets need;
+        // context and arguments outlive the query.
+        unsafe { rtcOccluded16(valid.0.as_ptr(), self.scene.0, from_mut(rays), &raw mut arguments) };
+        core::array::from_fn(|slot| context.last[slot].filter(|_| rays.tfar[slot] == f32::NEG_INFINITY))
     }
 }
 

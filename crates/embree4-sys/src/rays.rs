@@ -1,4 +1,4 @@
-//! Rays, hits and boxes: `rtcore_ray.h` and `rtcore_common.h` of Embree 4, with room for what newer versions write.
+//! Rays and hits: `rtcore_ray.h` of Embree 4.
 
 use crate::enums::RTC_INVALID_GEOMETRY_ID;
 use core::ffi::{c_int, c_uint};
@@ -27,24 +27,32 @@ pub struct RTCRay {
     pub tfar: f32,
     /// Geometries whose mask has no bit in common are not hit.
     pub mask: c_uint,
-    /// For the caller's use.
+    /// For the caller's use: here the primitive that filtered queries leave out, [`RTC_INVALID_GEOMETRY_ID`] for none.
     pub id: c_uint,
     /// Must be 0.
     pub flags: c_uint,
 }
 
 impl RTCRay {
+    /// A ray that hits nothing, since it ends before it begins: it takes no part in a packet.
+    pub const NOTHING: Self = Self::new([0.0; 3], [0.0, 0.0, 1.0], 1.0, -1.0);
+
     /// A ray that may hit every geometry.
     #[must_use]
     pub const fn new(origin: [f32; 3], direction: [f32; 3], tnear: f32, tfar: f32) -> Self {
         let ([org_x, org_y, org_z], [dir_x, dir_y, dir_z]) = (origin, direction);
-        let time = 0.0;
-        Self { org_x, org_y, org_z, tnear, dir_x, dir_y, dir_z, time, tfar, mask: c_uint::MAX, id: 0, flags: 0 }
+        let (time, mask, id) = (0.0, c_uint::MAX, RTC_INVALID_GEOMETRY_ID);
+        Self { org_x, org_y, org_z, tnear, dir_x, dir_y, dir_z, time, tfar, mask, id, flags: 0 }
+    }
+
+    /// The same ray, leaving out a primitive in filtered queries.
+    #[must_use]
+    pub const fn leaving_out(self, primitive: c_uint) -> Self {
+        Self { id: primitive, ..self }
     }
 }
 
-/// A hit as Embree 4.2 has it, 32 bytes. Since 4.3 another number, `instPrimID`, follows `instID`, and each hit writes
-/// it: see [`RTCRayHit`] for the room. A field for it would break `embree4-rs`, which lists all fields.
+/// A hit.
 #[repr(C, align(16))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RTCHit {
@@ -64,18 +72,20 @@ pub struct RTCHit {
     pub geomID: c_uint,
     /// The instance.
     pub instID: [c_uint; 1],
+    /// The primitive of an instance array. Libraries before 4.3, whose hits are shorter, do not write it.
+    pub instPrimID: [c_uint; 1],
 }
 
 impl Default for RTCHit {
     fn default() -> Self {
-        let none = RTC_INVALID_GEOMETRY_ID;
-        Self { Ng_x: 0.0, Ng_y: 0.0, Ng_z: 0.0, u: 0.0, v: 0.0, primID: none, geomID: none, instID: [none] }
+        let (zero, none) = (0.0, RTC_INVALID_GEOMETRY_ID);
+        let (primID, geomID, instID, instPrimID) = (none, none, [none], [none]);
+        Self { Ng_x: zero, Ng_y: zero, Ng_z: zero, u: zero, v: zero, primID, geomID, instID, instPrimID }
     }
 }
 
-/// A ray and its hit: 48 and 32 bytes, and 16 of room behind them, which the alignment makes. Embree 4.3 and later have
-/// `instPrimID` in the first four of the sixteen.
-#[repr(C, align(32))]
+/// A ray and its hit.
+#[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RTCRayHit {
     /// The ray.
@@ -108,10 +118,21 @@ pub struct RTCRay16 {
     pub tfar: [f32; 16],
     /// Masks.
     pub mask: [c_uint; 16],
-    /// For the caller's use.
+    /// As in [`RTCRay`].
     pub id: [c_uint; 16],
     /// Must be 0.
     pub flags: [c_uint; 16],
+}
+
+impl RTCRay16 {
+    /// Makes a ray the one at `slot`, below 16.
+    #[inline]
+    pub const fn set(&mut self, slot: usize, ray: &RTCRay) {
+        (self.org_x[slot], self.org_y[slot], self.org_z[slot]) = (ray.org_x, ray.org_y, ray.org_z);
+        (self.dir_x[slot], self.dir_y[slot], self.dir_z[slot]) = (ray.dir_x, ray.dir_y, ray.dir_z);
+        (self.tnear[slot], self.time[slot], self.tfar[slot]) = (ray.tnear, ray.time, ray.tfar);
+        (self.mask[slot], self.id[slot], self.flags[slot]) = (ray.mask, ray.id, ray.flags);
+    }
 }
 
 /// Sixteen hits. Libraries before 4.3 do not write `instPrimID`.
@@ -170,31 +191,9 @@ pub struct RTCRayHit16 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Valid16(pub [c_int; 16]);
 
-/// An axis-aligned box.
-#[repr(C, align(16))]
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct RTCBounds {
-    /// Smallest corner.
-    pub lower_x: f32,
-    /// Smallest corner.
-    pub lower_y: f32,
-    /// Smallest corner.
-    pub lower_z: f32,
-    /// Nothing.
-    pub align0: f32,
-    /// Largest corner.
-    pub upper_x: f32,
-    /// Largest corner.
-    pub upper_y: f32,
-    /// Largest corner.
-    pub upper_z: f32,
-    /// Nothing.
-    pub align1: f32,
-}
-
-// The sizes that Embree's headers make, and the room that hits need.
+// The sizes that the headers of Embree 4.3 and later make.
 const _: () = {
-    assert!(size_of::<RTCRay>() == 48 && size_of::<RTCHit>() == 32);
+    assert!(size_of::<RTCRay>() == 48 && size_of::<RTCHit>() == 48);
     assert!(size_of::<RTCRayHit>() == 96 && core::mem::offset_of!(RTCRayHit, hit) == 48);
     assert!(size_of::<RTCRay16>() == 768 && size_of::<RTCHit16>() == 576 && size_of::<RTCRayHit16>() == 1344);
 };

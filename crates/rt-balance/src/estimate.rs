@@ -6,7 +6,7 @@ use crate::output::Output;
 use crate::record::WalkDone;
 use crate::walk::{Found, walk_on_all};
 use crate::{BalanceError, Control, Stream, clock};
-use rt_core::{CostEstimator, Observation, RayMask, Step, Walk, Work};
+use rt_core::{CostEstimator, Observation, RayMask, RayStream, Step, Walk, Work};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -77,14 +77,15 @@ pub(crate) fn estimate(
     let mut walked = 0;
     let (mut rays, mut counts) = (Arc::new(Vec::new()), Vec::new());
     let devices = members.iter().filter(|member| member.is_ready()).count();
+    let walk = estimator.walk().unwrap_or(Walk::Full);
+    let has_walks = members.iter().any(|member| member.is_ready() && member.info.capabilities.has_walk(walk));
+    let view = RayStream { has_walks, ..stream.view(devices, uninformed_excess, moves) };
     let begin = clock::now();
     loop {
         if control.is_cancelled() {
             return Err(cancelled());
         }
-        match estimator
-            .next(stream.view(devices, uninformed_excess, moves), Observation { rays: &rays, counts: &counts })
-        {
+        match estimator.next(view, Observation { rays: &rays, counts: &counts }) {
             Step::Done(work) => {
                 check_work(estimator, stream, &work)?;
                 let seconds = clock::now().saturating_sub(begin).as_secs_f64();

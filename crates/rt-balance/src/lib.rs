@@ -90,11 +90,11 @@ pub use rt_bvh::{
     build, build_meshes, build_with, refit,
 };
 pub use rt_core::{
-    Aabb, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator, CostModel,
-    Counted, CountedTree, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, InParts, Launch,
-    LaunchRecord, MAX_DEPTH, MovedParts, Node, Observation, Precision, PrimitiveIds, Query, Raster, Ray, RayMask,
-    RaySource, RayStream, ReducedWalk, Scene, SceneError, SceneParts, Span, Step, StreamKind, StreamRecord, StreamSpec,
-    Task, TaskId, TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments, bounce, intersect,
-    morton, random, tasks_of, with_causes,
+    Aabb, Backend, BounceRays, Camera, CameraError, CameraRays, Capabilities, Child, Clock, Coherence, CostEstimator,
+    CostModel, Counted, CountedTree, CountsToken, Device, DeviceError, DeviceErrorKind, DeviceInfo, Hit, InParts,
+    Launch, LaunchRecord, MAX_DEPTH, MovedParts, Node, Observation, Precision, PrimitiveIds, Query, Raster, Ray,
+    RayMask, RaySource, RayStream, ReducedWalk, Scene, SceneError, SceneParts, Span, Step, StreamKind, StreamRecord,
+    StreamSpec, Task, TaskId, TaskOutcome, TestCounts, Ticket, Tracer, Traffic, Triangle, Walk, Work, arguments,
+    bounce, intersect, morton, random, tasks_of, with_causes,
 };
 pub use rt_sched::{Schedule, ScheduleError, estimate as estimators, policy as policies, queue as queues, sample};

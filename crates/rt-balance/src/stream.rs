@@ -75,6 +75,7 @@ impl Stream {
             devices,
             uninformed_excess,
             moves,
+            has_walks: true,
         }
     }
 

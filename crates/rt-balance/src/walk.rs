@@ -58,7 +58,9 @@ pub(crate) fn walk_on_all(
     let walkers: Vec<Walker> = able.map(|member| Walker::new(member.index)).collect();
     // None of them has to be asked to know that.
     let unable = ready().next().filter(|_| walkers.is_empty()).map(|member| {
-        let message = format!("no device has the walk {walk:?}: choose another estimator, or add a CPU device");
+        let message = format!(
+            "no device counts tests by the walk {walk:?}: choose another estimator, such as auto, or add a CPU device"
+        );
         (member.index, DeviceError::new(DeviceErrorKind::Unsupported, message))
     });
     let walking = Walking {

@@ -17,7 +17,7 @@ pub(crate) use balance::{BalanceArgs, EstimateArgs};
 pub(crate) use bench::BenchArgs;
 use clap::{Args, Parser, Subcommand};
 pub(crate) use compare::{CompareArgs, DiffArgs};
-pub(crate) use devices::DeviceArgs;
+pub(crate) use devices::{DeviceArgs, opener};
 pub(crate) use figure1::Figure1Args;
 pub(crate) use render::RenderArgs;
 use rt_report::exit::Exit;

@@ -2,7 +2,7 @@
 
 use crate::args::{
     BenchArgs, CompareArgs, DiffArgs, Figure1Args, PrecisionTradeoffArgs, SceneArgs, SimulateArgs, TradeArg, TradeArgs,
-    TradeoffArgs,
+    TradeoffArgs, opener,
 };
 use crate::memory::{BYTES_PER_MEASURED_RAY, Room};
 use crate::{interrupt, progress, scene};
@@ -63,7 +63,7 @@ fn measure(scenes: &[PathBuf], source: &SceneArgs, experiment: impl FnOnce(Lab<'
     scene::check(scenes)?;
     let show = Terminal { bar: progress::bar("", WHOLE as u64) };
     let scenes = |scene: &Path| -> Result<Prepared> { source.prepare(scene) };
-    experiment(Lab::new(&scenes, interrupt::flag(), &show))
+    experiment(Lab::new(&scenes, &opener, interrupt::flag(), &show))
 }
 
 pub(crate) fn figure1(args: &Figure1Args) -> Result<()> {

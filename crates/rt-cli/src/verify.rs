@@ -30,7 +30,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Result<()> {
     let bar = progress::bar("verifying", (STEPS * devices.len() as f64) as u64);
     let mut reports = Vec::new();
     for (i, device) in devices.into_iter().enumerate() {
-        let subject = Subject::new(device, args.precision.into());
+        let subject = Subject::of(device, args.precision.into());
         let show = |share: f64, _: &str| bar.set_position((STEPS * (i as f64 + share)) as u64);
         let watch = Watch { stop: Some(interrupt::flag()), progress: Some(&show) };
         reports.push(match &args.cases[..] {

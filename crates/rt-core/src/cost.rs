@@ -259,6 +259,8 @@ pub struct RayStream<'a> {
     /// Whether the queue moves tasks when it turns out what they cost: not static lists, nor where launches cost the
     /// devices more than moving mends.
     pub moves: bool,
+    /// Whether there is a device that walks samples: some count no tests.
+    pub has_walks: bool,
 }
 
 impl RayStream<'_> {
@@ -413,6 +415,11 @@ pub trait CostEstimator: Debug + Send + 'static {
     /// unless it says otherwise; who wraps an estimator passes on the wrapped one's.
     fn counts(&self) -> CountsToken {
         CountsToken::of::<Self>(0)
+    }
+
+    /// Whether there are streams that it knows nothing of without samples: where no device walks any, it is of no use.
+    fn needs_samples(&self) -> bool {
+        self.walk().is_some()
     }
 
     /// How it will have samples walked, so that devices can get ready; `None` if it asks for none.

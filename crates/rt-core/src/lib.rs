@@ -1,8 +1,8 @@
 //! The vocabulary and the seams of raybalance.
 //!
 //! Every other crate speaks in these types: what crosses to a device ([`Ray`], [`Hit`], [`Triangle`], [`Node`],
-//! [`Scene`]), what is scheduled ([`Task`]), what a task costs ([`Work`], [`CostModel`]), and the three traits that
-//! make the parts exchangeable: [`Device`], [`Tracer`] and [`CostEstimator`].
+//! [`Scene`]), what is scheduled ([`Task`]), what a task costs ([`Work`], [`CostModel`]), and the traits that make
+//! the parts exchangeable: [`Device`], [`Tracer`] and [`CostEstimator`], and [`Backend`] for lists of devices.
 //!
 //! Conventions: `t` is in units of the given direction's length; a hit has `tmin ≤ t ≤ tmax`; triangles are
 //! two-sided; a hit point is `(1 − u − v)·A + u·B + v·C`; primitive ids are positions in the caller's index buffer
@@ -18,6 +18,7 @@ extern crate alloc;
 extern crate std;
 
 pub mod arguments;
+mod backend;
 pub mod bounce;
 mod camera;
 mod causes;
@@ -35,6 +36,7 @@ pub mod scale;
 mod scene;
 mod task;
 
+pub use backend::Backend;
 pub use bounce::BounceRays;
 pub use camera::{Camera, CameraError, CameraRays, Raster};
 pub use causes::with_causes;

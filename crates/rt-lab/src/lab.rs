@@ -35,6 +35,8 @@ pub trait Show {
 pub struct Lab<'a> {
     /// Loads or generates a scene and builds its tree.
     scenes: &'a dyn Fn(&Path) -> Result<Prepared>,
+    /// Makes what opens devices, and knows the backends that lists may name.
+    opener: &'a dyn Fn() -> Opener,
     /// Set (from any thread) to stop soon.
     pub stop: &'a AtomicBool,
     /// Shows progress and results.
@@ -46,8 +48,13 @@ pub struct Lab<'a> {
 impl<'a> Lab<'a> {
     /// A lab from its parts.
     #[must_use]
-    pub const fn new(scenes: &'a dyn Fn(&Path) -> Result<Prepared>, stop: &'a AtomicBool, show: &'a dyn Show) -> Self {
-        Self { scenes, stop, show, outputs: None }
+    pub const fn new(
+        scenes: &'a dyn Fn(&Path) -> Result<Prepared>,
+        opener: &'a dyn Fn() -> Opener,
+        stop: &'a AtomicBool,
+        show: &'a dyn Show,
+    ) -> Self {
+        Self { scenes, opener, stop, show, outputs: None }
     }
 
     /// The same for an experiment that writes these files.
@@ -60,6 +67,17 @@ impl<'a> Lab<'a> {
         let prepared = (self.scenes)(scene)?;
         self.outputs.map_or(Ok(()), |outputs| outputs.spare_materials(&prepared.libraries))?;
         Ok(prepared)
+    }
+
+    /// What opens devices.
+    pub(crate) fn opener(&self) -> Opener {
+        (self.opener)()
+    }
+
+    /// Opens the devices of a list, to work at the same time.
+    pub(crate) fn open(&self, list: &str) -> Result<Vec<Arc<dyn Device>>> {
+        let opened = self.opener().open(list).context("--devices")?;
+        Ok(opened.into_iter().map(|opened| opened.device).collect())
     }
 
     /// What stops a stream.
@@ -80,10 +98,4 @@ impl fmt::Debug for Lab<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Lab").field("stop", self.stop).finish_non_exhaustive()
     }
-}
-
-/// Opens the devices of a list, to work at the same time.
-pub(crate) fn open(list: &str) -> Result<Vec<Arc<dyn Device>>> {
-    let opened = Opener::new().open(list).context("--devices")?;
-    Ok(opened.into_iter().map(|opened| opened.device).collect())
 }

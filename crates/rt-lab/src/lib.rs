@@ -9,6 +9,7 @@
 //! | [`estimators`] | those of the catalogue, and those that are only tried |
 //! | [`contenders`] | the ways to schedule that other experiments set beside each other |
 //! | [`arguments`] | values on the command lines of programs that run experiments |
+//! | [`devices`] | the devices of this machine, for people and programs |
 //! | [`verify`] | what the suite of promises found, for people and programs |
 //! | [`mod@bench`] | how fast each device traces, and what reduced traversal costs beside full |
 //!
@@ -23,6 +24,7 @@ pub mod arguments;
 pub mod bench;
 pub mod compare;
 pub mod contenders;
+pub mod devices;
 pub mod estimators;
 pub mod figure1;
 mod intervals;

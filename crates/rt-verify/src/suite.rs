@@ -97,10 +97,13 @@ impl Subject {
         Self { device, precision, walks_our_trees: true, exact: precision != Precision::Fast }
     }
 
-    /// A tracer that builds trees of its own.
+    /// A device that promises what it says of itself: one that counts no tests of our trees, nor has the hits that are
+    /// defined, is judged as a tracer that builds trees of its own.
     #[must_use]
-    pub fn peer(device: Arc<dyn Device>) -> Self {
-        Self { device, precision: Precision::default(), walks_our_trees: false, exact: false }
+    pub fn of(device: Arc<dyn Device>, precision: Precision) -> Self {
+        let capabilities = device.info().capabilities;
+        let exact = capabilities.has_defined_bits() && precision != Precision::Fast;
+        Self { device, precision, walks_our_trees: capabilities.counts_scene_tree(), exact }
     }
 }
 

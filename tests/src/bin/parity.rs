@@ -22,7 +22,6 @@ use rt_report::print::{Stdout, note};
 use rt_tests::fake::FakeDevice;
 use rt_tests::judge::Tally;
 use rt_tests::parity::{Exam, Kind};
-use rt_tests::peers;
 use rt_tests::scenes::{self, RealScene};
 use rt_verify::tree;
 use serde_json::{Value, json};
@@ -69,7 +68,7 @@ fn run(arguments: &Arguments) -> Result<usize> {
     if scenes.is_empty() {
         bail!("no scene of that name in the folder of {}", scenes::VARIABLE);
     }
-    let (found, missing) = peers::all();
+    let (found, missing) = backend_peers::all();
     if let Some(reason) = missing.first().filter(|_| is_required("embree")) {
         bail!("required by RT_REQUIRE, but missing: {reason}");
     }

@@ -20,7 +20,6 @@ use rt_report::Provenance;
 use rt_report::exit::{self, Exit};
 use rt_report::print::{Stdout, note};
 use rt_scene::builtin;
-use rt_tests::peers;
 use rt_verify::{Extent, Options, Promise, Subject, Suite, Watch};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
@@ -112,7 +111,7 @@ fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>)> {
     let cpu = CpuDevice::open_all(&[0])?.pop().context("no CPU device")?;
     let cpu: Arc<dyn Device> = Arc::new(cpu);
     let own =
-        |name: String, device: Arc<dyn Device>, precision| Contender { name, subject: Subject::new(device, precision) };
+        |name: String, device: Arc<dyn Device>, precision| Contender { name, subject: Subject::of(device, precision) };
     let mut all: Vec<Contender> = [Precision::Robust, Precision::Double, Precision::Fast]
         .map(|precision| own(format!("CPU, {}", precision.name()), Arc::clone(&cpu), precision))
         .into();
@@ -126,11 +125,9 @@ fn contenders(wanted: Option<&str>) -> Result<(Vec<Contender>, Vec<String>)> {
             Err(reason) => missing.push(format!("{api}: {reason}")),
         }
     }
-    let (peers, mut reasons) = peers::all();
+    let (peers, mut reasons) = backend_peers::all();
     missing.append(&mut reasons);
-    all.extend(
-        peers.into_iter().map(|device| Contender { name: device.info().name.clone(), subject: Subject::peer(device) }),
-    );
+    all.extend(peers.into_iter().map(|device| own(device.info().name.clone(), device, Precision::default())));
     Ok((all, missing))
 }
 

@@ -78,6 +78,7 @@ fn estimate(scene: &Scene, rays: &[Ray], tasks: &[Task]) -> Option<Vec<Work>> {
         devices: 2,
         uninformed_excess: 1.0,
         moves: true,
+        has_walks: true,
     };
     let Step::Sample { rays: asked, walk } = estimator.next(stream, Observation::default()) else { return None };
     let mut counts = Vec::new();

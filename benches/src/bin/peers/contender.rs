@@ -2,13 +2,13 @@
 
 use crate::page::Who;
 use backend_cpu::{CpuDevice, Isa};
+use backend_peers::{ObvhsDevice, ObvhsLayout};
 use embree4_sys::{
-    Mesh, MeshError, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCHit16, RTCRay, RTCRay16, RTCRayHit16,
-    RTCRayQueryFlags, RTCSceneFlags,
+    Mesh, MeshError, RTC_INVALID_GEOMETRY_ID, RTCBuildQuality, RTCHit16, RTCRay, RTCRayHit16, RTCRayQueryFlags,
+    RTCSceneFlags,
 };
 use rt_core::{Coherence, Device, Hit, Launch, Query, Ray, RaySource, Scene, StreamSpec, Tracer, tasks_of};
 use rt_scene::Model;
-use rt_tests::peers::{ObvhsDevice, ObvhsLayout};
 use rt_verify::clock;
 use std::error::Error;
 use std::sync::{Arc, LazyLock};
@@ -77,7 +77,7 @@ pub(crate) fn all(
         all.push(Contender { name, who, way: Way::Device { tracer, threads, launch: Launch::default() } });
         Ok(())
     };
-    let obvhs = ObvhsDevice::new(ObvhsLayout::Bvh2);
+    let obvhs = ObvhsDevice::new(ObvhsLayout::Bvh2, 1);
     add(obvhs.info().name.clone(), Who::Obvhs, &obvhs)?;
     for &threads in threads {
         for isa in Isa::available() {
@@ -177,9 +177,7 @@ fn packets(mesh: &Mesh, flags: RTCRayQueryFlags, rays: &[Ray], query: Query, kee
     let mut packets = vec![RTCRayHit16::default(); BATCH / PACKET];
     for rays in rays.chunks(BATCH) {
         for (packet, rays) in packets.iter_mut().zip(rays.chunks(PACKET)) {
-            // Beyond the last ray, one that ends before it begins: such rays take no part.
-            let nothing = RTCRay::new([0.0; 3], [0.0, 0.0, 1.0], 1.0, -1.0);
-            (0..PACKET).for_each(|slot| put(&mut packet.ray, slot, &rays.get(slot).map_or(nothing, given)));
+            (0..PACKET).for_each(|slot| packet.ray.set(slot, &rays.get(slot).map_or(RTCRay::NOTHING, given)));
             packet.hit = RTCHit16::default();
         }
         let used = &mut packets[..rays.len().div_ceil(PACKET)];
@@ -206,10 +204,4 @@ fn answer(packet: &RTCRayHit16, slot: usize, query: Query) -> Traced {
         Query::Any if packet.ray.tfar[slot] == f32::NEG_INFINITY => Traced::Hit,
         Query::Any => Traced::Miss,
     }
-}
-
-fn put(packet: &mut RTCRay16, slot: usize, ray: &RTCRay) {
-    (packet.org_x[slot], packet.org_y[slot], packet.org_z[slot]) = (ray.org_x, ray.org_y, ray.org_z);
-    (packet.dir_x[slot], packet.dir_y[slot], packet.dir_z[slot]) = (ray.dir_x, ray.dir_y, ray.dir_z);
-    (packet.tnear[slot], packet.tfar[slot], packet.mask[slot]) = (ray.tnear, ray.tfar, ray.mask);
 }

@@ -10,6 +10,11 @@ use rt_balance::vulkan::{Layout, Layouts, Tuning};
 use rt_report::usage::usage;
 use std::sync::Arc;
 
+/// What opens the devices of lists: this project's, and peers.
+pub(crate) fn opener() -> Opener {
+    Opener::new().with_backends(backend_peers::backends())
+}
+
 /// Choices about devices, none of which changes a nearest hit.
 #[derive(Clone, Copy, Debug, Default, Args)]
 #[command(next_help_heading = heading::DEVICES)]
@@ -74,7 +79,7 @@ impl DeviceArgs {
 
     /// Opens the devices of `--devices`, to work at the same time.
     pub(crate) fn open(self, list: Option<&str>) -> Result<Vec<Arc<dyn Device>>> {
-        let mut opener = Opener::with_cards(self.cards()).with_isa(self.isa);
+        let mut opener = opener().with_cards(self.cards()).with_isa(self.isa);
         let opened = opener.open(list.unwrap_or(devices::AUTO)).context("--devices")?;
         Ok(opened.into_iter().map(|opened| opened.device).collect())
     }

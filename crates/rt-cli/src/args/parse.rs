@@ -11,8 +11,16 @@ pub(super) use rt_lab::arguments::{
 
 /// The list stays text: opening it reads it again.
 pub(super) fn parse_devices(text: &str) -> Result<String, ListError> {
-    devices::check(text.trim())?;
+    super::opener().check(text.trim())?;
     Ok(text.trim().to_owned())
+}
+
+/// The same for experiments on trees and precisions of this project.
+pub(super) fn parse_own_devices(text: &str) -> Result<String, String> {
+    let text = parse_devices(text).map_err(|error| error.to_string())?;
+    let other = "peers have trees and precisions of their own, which are not traded: name cpu:1, or a graphics card";
+    devices::check(&text).map_err(|_| other.to_owned())?;
+    Ok(text)
 }
 
 /// Names of a list of the catalogue.

@@ -2,7 +2,7 @@
 
 use super::SceneArgs;
 use super::heading;
-use super::parse::{parse_devices, parse_size};
+use super::parse::{parse_own_devices, parse_size};
 use clap::{Args, Subcommand};
 use rt_bvh::Builder;
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ pub(crate) struct TradeArgs {
     pub(crate) source: SceneArgs,
     /// The device to measure, such as cpu:1 or vulkan:0; for layout a list [default: cpu:1; for layout every graphics
     /// card]
-    #[arg(long, help_heading = heading::DEVICES, value_name = "LIST", value_parser = parse_devices)]
+    #[arg(long, help_heading = heading::DEVICES, value_name = "LIST", value_parser = parse_own_devices)]
     pub(crate) devices: Option<String>,
     /// Size of the picture in pixels, one ray each [default: 1024x640, 320x200 with --quick, smaller where a budget
     /// demands it]
@@ -68,7 +68,7 @@ pub(crate) struct PrecisionTradeoffArgs {
     pub(crate) scenes: Vec<PathBuf>,
     /// Devices to measure, one after the other, such as cpu:2,vulkan:0; as the list that render takes
     #[arg(long, help_heading = heading::DEVICES, value_name = "LIST", default_value = "cpu",
-          value_parser = parse_devices)]
+          value_parser = parse_own_devices)]
     pub(crate) devices: String,
     /// Fewer rays and repetitions: a look, not a measurement
     #[arg(long, help_heading = heading::EXPERIMENT)]

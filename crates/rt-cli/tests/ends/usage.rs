@@ -172,6 +172,22 @@ fn environment_variables_are_right_or_refused_by_name() {
     }
 }
 
+/// Whether the command has them is the build's choice; what it says is the peers' own.
+// Mutant: lists that know no peers.
+#[test]
+fn peers_are_had_or_said_how() {
+    let folder = Folder::new();
+    for backend in backend_peers::backends() {
+        for (which, code) in [("1", 1), ("0", 2)] {
+            let ended = folder.run(&format!("bench missing.obj --devices {}:{which}", backend.name()));
+            match backend.check(Some(which)) {
+                Ok(()) => assert_eq!(ended.code, Some(code), "{ended:?}"),
+                Err(why) => assert!(ended.code == Some(2) && ended.err.contains(&why.to_string()), "{why}: {ended:?}"),
+            }
+        }
+    }
+}
+
 /// Right as words, but not to be had here: the command fails, it was not used wrongly.
 #[test]
 fn what_is_not_to_be_had_is_1() {

@@ -50,7 +50,7 @@ pub(crate) struct Samples {
     pub(crate) rays: u32,
     /// In kernels of full traversal, all rays in one launch.
     pub(crate) full_s: Vec<f64>,
-    /// In kernels of each of [`WALKS`].
+    /// In kernels of each of [`WALKS`]; none of a walk that the device does not have.
     pub(crate) walks_s: [Vec<f64>; 3],
     /// From the submission of that launch until its hits are on the host.
     pub(crate) whole_s: Vec<f64>,
@@ -117,7 +117,9 @@ impl Bench<'_> {
 
         let all: Vec<u32> = (0..samples.rays).collect();
         let mut counts = vec![TestCounts::default(); all.len()];
-        for ((_, walk), seconds) in WALKS.iter().zip(&mut samples.walks_s) {
+        let capabilities = self.named.device.info().capabilities;
+        let walks = WALKS.iter().zip(&mut samples.walks_s).filter(|((_, walk), _)| capabilities.has_walk(*walk));
+        for ((_, walk), seconds) in walks {
             seconds.push(tracer.walk(&all, *walk, &mut counts, None)?.busy().as_secs_f64());
         }
 

@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use measure::Bench;
 use results::{DeviceResult, PAPER, Results, SceneResult};
 use rt_balance::cpu::Isa;
-use rt_balance::devices::{CardOptions, Opened, Opener};
+use rt_balance::devices::{CardOptions, Opened};
 use rt_report::Provenance;
 use rt_report::output::{self, Outputs};
 use std::path::PathBuf;
@@ -34,7 +34,7 @@ const SCHEMA: u32 = 2;
 pub struct Options {
     /// Built-in scenes or OBJ files, beside which a `cameras.tsv` is used; none: [`DEFAULT_SCENES`].
     pub scenes: Vec<PathBuf>,
-    /// Devices, one after the other, as [`Opener::open_in_turn`] reads them.
+    /// Devices, one after the other, as [`Opener::open_in_turn`](rt_balance::devices::Opener::open_in_turn) reads them.
     pub devices: String,
     /// How graphics cards are used.
     pub cards: CardOptions,
@@ -66,8 +66,12 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     let outputs = options.out.iter().fold(Outputs::new(), |outputs, path| outputs.file("--out", path)).scenes(&scenes);
     outputs.check()?;
     let lab = lab.writing(&outputs);
-    let devices =
-        Opener::with_cards(options.cards).with_isa(options.isa).open_in_turn(&options.devices).context("--devices")?;
+    let devices = lab
+        .opener()
+        .with_cards(options.cards)
+        .with_isa(options.isa)
+        .open_in_turn(&options.devices)
+        .context("--devices")?;
     let repeat = if options.quick { QUICK_REPEAT } else { options.repeat };
     let mut results = Results {
         schema: SCHEMA,
@@ -89,6 +93,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
             precision: prepared.precision.name(),
             bytes: scene.tree.bytes(),
         };
+        let first = results.results.len();
         for named in &devices {
             let rays = rays_of(options, named);
             // The same for devices of one kind, so that they can be compared.
@@ -99,6 +104,10 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
                 lab.show.print(&format!("\n{}", results::table(&measured).trim_end()))?;
             }
             results.results.push(measured);
+        }
+        let on_scene = &results.results[first..];
+        if on_scene.len() > 1 && !options.json {
+            lab.show.print(&format!("\n{}", results::side_by_side(on_scene).trim_end()))?;
         }
     }
     if let Some(path) = &options.out {

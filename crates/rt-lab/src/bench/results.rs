@@ -60,6 +60,8 @@ struct DeviceDescription {
     software: Option<bool>,
     /// How its kernels are compiled.
     kernels: Option<&'static str>,
+    /// Whether it has a tree and a triangle test of its own: then the scene's builder, bytes and precision are not its.
+    own_tree: bool,
 }
 
 /// One kind of rays.
@@ -109,6 +111,7 @@ impl DeviceResult {
             driver: card.map(|card| card.driver.clone()),
             software: card.map(|card| card.software),
             kernels: card.map(|card| card.kernels),
+            own_tree: !info.capabilities.has_defined_bits(),
         };
         let rays = measured.kinds.into_iter().map(KindResult::new).collect();
         Self { scene, device, scene_upload_s: measured.scene_upload_s, rays }
@@ -118,7 +121,7 @@ impl DeviceResult {
 impl KindResult {
     fn new(samples: Samples) -> Self {
         let speed = |s: &[f64]| Summary::new(&s.iter().map(|s| f64::from(samples.rays) / s / 1e6).collect::<Vec<_>>());
-        let walks = || WALKS.iter().map(|(name, _)| *name).zip(&samples.walks_s);
+        let walks = || WALKS.iter().map(|(name, _)| *name).zip(&samples.walks_s).filter(|(_, s)| !s.is_empty());
         Self {
             kind: samples.kind,
             rays: samples.rays,
@@ -169,13 +172,16 @@ pub(crate) fn introduction(repeat: u32) -> String {
 /// A device's results on one scene.
 pub(crate) fn table(result: &DeviceResult) -> String {
     let DeviceResult { scene, device, scene_upload_s, rays } = result;
+    let tree = match device.own_tree {
+        true => "the device's own tree and triangle test".to_owned(),
+        false => {
+            format!("tree of {:.1} MB by {}, {} precision", scene.bytes as f64 / 1e6, scene.builder, scene.precision)
+        }
+    };
     let mut text = format!(
-        "{}: {} triangles, tree of {:.1} MB by {}, {} precision\n{}: {}",
+        "{}: {} triangles, {tree}\n{}: {}",
         scene.source,
         grouped(scene.triangles as u64),
-        scene.bytes as f64 / 1e6,
-        scene.builder,
-        scene.precision,
         device.entry,
         device.name,
     );
@@ -201,7 +207,7 @@ pub(crate) fn table(result: &DeviceResult) -> String {
         "on host",
     ]);
     for kind in rays {
-        let over = |name| kind.over_full.get(name).map_or_else(String::new, share);
+        let over = |name| kind.over_full.get(name).map_or_else(|| percent(None), share);
         table.row(vec![
             kind.kind.to_owned(),
             grouped(kind.rays.into()),
@@ -222,6 +228,19 @@ pub(crate) fn table(result: &DeviceResult) -> String {
     }
     text.push_str(&table.to_string());
     text
+}
+
+/// Several devices' speeds on one scene, a row for each.
+pub(crate) fn side_by_side(results: &[DeviceResult]) -> String {
+    let kinds: Vec<&str> =
+        results.first().map_or_else(Vec::new, |first| first.rays.iter().map(|kind| kind.kind).collect());
+    let source = results.first().map_or("", |first| &first.scene.source);
+    let mut table = Table::new(&[&["Mray/s to host"][..], &kinds].concat());
+    for DeviceResult { device, rays, .. } in results {
+        let speeds = rays.iter().map(|kind| interval(&kind.whole_mray_s, 1.0, 2, ""));
+        table.row([device.entry.clone()].into_iter().chain(speeds).collect());
+    }
+    format!("{source}, side by side\n\n{table}")
 }
 
 fn share(summary: &Summary) -> String {

@@ -251,6 +251,7 @@ impl Case {
             devices: 2,
             uninformed_excess: 1.0,
             moves: false,
+            has_walks: true,
         };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());

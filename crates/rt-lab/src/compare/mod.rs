@@ -16,14 +16,14 @@ use measure::Site;
 use results::Results;
 use rt_balance::catalogue::{Entry, Make, MakePolicy};
 use rt_balance::cpu::Isa;
-use rt_balance::devices::{CardOptions, Opener};
+use rt_balance::devices::CardOptions;
 use rt_balance::{QueueKind, Scheduling};
 use rt_render::TaskCut;
 use rt_report::output::Outputs;
 use rt_report::usage::usage;
 use std::path::PathBuf;
 use std::time::Duration;
-use ways::ways;
+use ways::{leave_out, ways};
 
 /// The picture of `raybalance render`, with fewer rays a pixel: a round has a dozen pictures.
 const SIZE: [u32; 2] = [960, 600];
@@ -43,7 +43,7 @@ const REPEAT: u32 = 7;
 pub struct Options {
     /// A built-in scene or an OBJ file.
     pub scene: PathBuf,
-    /// Devices, as [`Opener::open`] reads them.
+    /// Devices, as [`Opener::open`](rt_balance::devices::Opener::open) reads them.
     pub devices: String,
     /// How graphics cards are used.
     pub cards: CardOptions,
@@ -107,15 +107,20 @@ impl Options {
 /// When an option has no meaning for what was chosen, the scene cannot be prepared, a device not be opened or fails, or
 /// a file not be written.
 pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
-    let ways = ways(options)?;
+    let mut ways = ways(options)?;
     if u32::try_from(options.rays()).is_err() {
         return Err(usage("--size, --spp: a picture has at most 2^32 rays here: choose fewer").into());
     }
     let outputs = Outputs::new().folder("--out", &options.out, write::FILES).scenes([&options.scene]);
     outputs.check()?;
     let lab = lab.writing(&outputs);
-    let mut opener = Opener::with_cards(options.cards).with_isa(options.isa);
+    let mut opener = lab.opener().with_cards(options.cards).with_isa(options.isa);
     let opened = opener.open(&options.devices).context("--devices")?;
+    let left_out = leave_out(&mut ways, &opened);
+    if !left_out.is_empty() {
+        lab.show
+            .note(&format!("left out, since no device counts tests that could be sampled: {}", left_out.join("; ")));
+    }
     let prepared = lab.prepare(&options.scene)?;
 
     let mut site = Site::set(lab, options, prepared, opened)?;

@@ -4,6 +4,7 @@ use super::Options;
 use anyhow::Result;
 use rt_balance::Scheduling;
 use rt_balance::catalogue::{ESTIMATORS, Entry, Estimator, Make, MakePolicy, POLICIES, QUEUES, find};
+use rt_balance::devices::Opened;
 use rt_balance::{QueueKind, sample::Fraction};
 use rt_report::usage::{OrUsage, usage};
 
@@ -113,6 +114,16 @@ pub(super) fn ways(options: &Options) -> Result<Vec<Way>> {
         }
     }
     Ok(ways)
+}
+
+/// Takes away the ways whose estimators cannot do without samples that none of the devices walks; returns their labels.
+pub(super) fn leave_out(ways: &mut Vec<Way>, devices: &[Opened]) -> Vec<String> {
+    let has = |walk| devices.iter().any(|opened| opened.device.info().capabilities.has_walk(walk));
+    let is_served = |way: &mut Way| {
+        let estimator = way.estimator.make();
+        !estimator.needs_samples() || estimator.walk().is_none_or(has)
+    };
+    ways.extract_if(.., |way| !is_served(way)).map(|way| way.label()).collect()
 }
 
 /// What was named, or the default.

@@ -4,7 +4,6 @@ mod measure;
 mod write;
 
 use crate::Lab;
-use crate::lab::open;
 use crate::subject::Subject;
 use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result};
@@ -98,7 +97,7 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
     let outputs = Outputs::new().folder("--out", &options.out, write::FILES).scenes(&options.scenes);
     outputs.check()?;
     let lab = lab.writing(&outputs);
-    let setting = setting(options)?;
+    let setting = setting(lab, options)?;
     if let Some(note) = &setting.note {
         lab.show.note(note);
     }
@@ -147,9 +146,9 @@ pub fn run(lab: Lab<'_>, options: &Options) -> Result<()> {
 }
 
 /// Real devices where there are enough cores for them, else a replay.
-fn setting(options: &Options) -> Result<Setting> {
+fn setting(lab: Lab<'_>, options: &Options) -> Result<Setting> {
     let one = |list: Option<&str>| -> Result<Vec<Arc<dyn Device>>> {
-        let devices = open(list.unwrap_or("cpu:1"))?;
+        let devices = lab.open(list.unwrap_or("cpu:1"))?;
         if devices.len() != 1 {
             return Err(usage("--replay measures on one device: name one in --devices, such as cpu:1").into());
         }
@@ -162,7 +161,7 @@ fn setting(options: &Options) -> Result<Setting> {
     let Some(list) = &options.devices else {
         if (PAPER_DEVICES as usize) <= cores {
             let list = vec!["cpu:1"; PAPER_DEVICES as usize].join(",");
-            return Ok(Setting { devices: open(&list)?, replay: None, note: None });
+            return Ok(Setting { devices: lab.open(&list)?, replay: None, note: None });
         }
         let note = format!(
             "{PAPER_DEVICES} devices need {PAPER_DEVICES} cores and there are {cores}: {PAPER_DEVICES} virtual devices \
@@ -170,7 +169,7 @@ fn setting(options: &Options) -> Result<Setting> {
         );
         return Ok(Setting { devices: one(None)?, replay: Some(PAPER_DEVICES as usize), note: Some(note) });
     };
-    let opened = open(list)?;
+    let opened = lab.open(list)?;
     let threads: u32 = opened.iter().map(|d| d.info()).filter(|i| i.backend == "cpu").map(|i| i.units).sum();
     if threads as usize <= cores {
         return Ok(Setting { devices: opened, replay: None, note: None });

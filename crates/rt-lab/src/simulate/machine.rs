@@ -109,6 +109,7 @@ impl Machine {
             devices: devices as u32,
             uninformed_excess: queue.uninformed_excess(&regime),
             moves: queue.moves(&regime),
+            has_walks: true,
         };
         matches!(estimator.next(stream, Observation::default()), Step::Sample { .. })
     }

@@ -8,7 +8,6 @@ mod setting;
 mod streams;
 
 use crate::Lab;
-use crate::lab::open;
 use crate::subject::Subject;
 use crate::time_budget::TimeBudget;
 use anyhow::{Context, Result, anyhow};
@@ -188,9 +187,9 @@ fn outputs(out: &Path, trades: &[&Trade], scenes: &[PathBuf]) -> Result<Outputs>
 /// The device that is named, or the usual one.
 fn one_device(args: &Options) -> Result<Arc<dyn Device>> {
     let list = args.devices.as_deref().unwrap_or(DEVICE);
-    let mut devices = open(list)?;
+    let mut devices = Opener::new().open(list).context("--devices")?;
     match (devices.pop(), devices.is_empty()) {
-        (Some(device), true) => Ok(device),
+        (Some(opened), true) => Ok(opened.device),
         _ => Err(usage(format!(
             "--devices {list}: name one device, such as {DEVICE}; only the trades layout and precision take more"
         ))

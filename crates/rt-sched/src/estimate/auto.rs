@@ -50,6 +50,8 @@ struct Decision {
     tasks_a_device: f64,
     /// As in [`RayStream`].
     moves: bool,
+    /// Likewise.
+    has_walks: bool,
     loss: f64,
     /// What is lost with the samples, beside their price.
     left: f64,
@@ -79,13 +81,15 @@ impl Decision {
             devices: stream.devices,
             tasks_a_device: tasks / f64::from(stream.devices.max(1)),
             moves: stream.moves,
+            has_walks: stream.has_walks,
             loss: stream.uninformed_excess,
             left: error * fixed_excess(stream.tasks.len(), stream.devices as usize),
             fraction,
             price: fraction * prices.of(&stream).of_sample(stream.devices),
         };
         if !has_past {
-            decision.choice = if decision.price < STAKE * decision.gain() { Choice::Samples } else { Choice::Nothing };
+            let pays = stream.has_walks && decision.price < STAKE * decision.gain();
+            decision.choice = if pays { Choice::Samples } else { Choice::Nothing };
         }
         decision
     }
@@ -136,7 +140,7 @@ impl CostEstimator for Auto {
     }
 
     fn reason(&self) -> Option<String> {
-        let Decision { choice, devices, tasks_a_device, moves, loss, left, fraction, price } = self.open;
+        let Decision { choice, devices, tasks_a_device, moves, has_walks, loss, left, fraction, price } = self.open;
         let [loss, left, fraction, price] = [loss, left, fraction, price].map(|share| 100.0 * share);
         let queue = if moves { "" } else { ", which nobody moves later," };
         let unknown = format!(
@@ -146,6 +150,7 @@ impl CostEstimator for Auto {
         Some(match choice {
             Choice::Past => "the last such stream tells what tasks take, for nothing".into(),
             Choice::Nothing if devices < 2 => "there is one device, which does all of it: nothing to balance".into(),
+            Choice::Nothing if !has_walks => "no device counts tests, so there are no samples to be had".into(),
             Choice::Samples => format!("{unknown}; {samples} cost {price:.2}% and leave {left:.2}%"),
             Choice::Nothing => {
                 format!("{unknown}; {samples} would cost {price:.2}% and leave {left:.2}%: that does not pay")
@@ -163,6 +168,10 @@ impl CostEstimator for Auto {
             return self.done(stream, work, CountsToken::of::<Self>(0));
         }
         self.begin(stream)
+    }
+
+    fn needs_samples(&self) -> bool {
+        false
     }
 
     fn counts_tests(&self) -> bool {

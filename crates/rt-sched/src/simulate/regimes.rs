@@ -363,6 +363,7 @@ pub(super) fn told(
         devices: devices as u32,
         uninformed_excess: queue.uninformed_excess(&regime),
         moves: queue.moves(&regime),
+        has_walks: true,
     }
 }
 

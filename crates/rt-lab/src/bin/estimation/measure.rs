@@ -169,6 +169,7 @@ impl Case {
             devices: 2,
             uninformed_excess: 1.0,
             moves: true,
+            has_walks: true,
         };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;

@@ -22,6 +22,7 @@ fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
         devices: 2,
         uninformed_excess: 1.0,
         moves: true,
+        has_walks: true,
     }
 }
 

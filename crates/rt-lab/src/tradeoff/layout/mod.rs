@@ -43,7 +43,10 @@ pub(super) fn cards(list: Option<&str>) -> Result<(Vec<Card>, Vec<String>)> {
     }
     let open = |trace| {
         let layouts = Some(Layouts { trace, count: Layout::Two });
-        Opener::with_cards(CardOptions { layouts, ..CardOptions::default() }).open_in_turn(&list).context("--devices")
+        Opener::new()
+            .with_cards(CardOptions { layouts, ..CardOptions::default() })
+            .open_in_turn(&list)
+            .context("--devices")
     };
     let [(_, two), (_, wide)] = LAYOUTS;
     let (mut cards, mut left_out) = (Vec::new(), Vec::new());

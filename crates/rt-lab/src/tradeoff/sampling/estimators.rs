@@ -172,6 +172,7 @@ mod tests {
                 devices: 1,
                 uninformed_excess: 1.0,
                 moves: false,
+                has_walks: true,
             };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),

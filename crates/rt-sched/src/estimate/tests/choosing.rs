@@ -71,6 +71,20 @@ fn one_device_has_nothing_to_balance() {
     assert!(auto.reason().expect("it has a choice").starts_with("there is one device"), "{:?}", auto.reason());
 }
 
+/// Mutants: samples asked for that nobody walks; the reason of streams that have some.
+#[test]
+fn where_nobody_walks_there_are_no_samples() {
+    let tasks = tasks_of(4 << 10, 1_024);
+    let mut auto = Auto::default();
+    let stream = RayStream { has_walks: false, ..regime(&tasks, true, 0.5) };
+    let (work, walked) = estimate(&mut auto, stream, &primary);
+    assert_eq!((work.len(), walked, auto.chosen()), (tasks.len(), 0, "uniform"));
+    assert!(auto.reason().is_some_and(|reason| reason.starts_with("no device counts")), "{:?}", auto.reason());
+    // What was measured is a past all the same.
+    run(&mut auto, stream, &work, &|_| 1.0, 1.0);
+    assert_eq!((estimate(&mut auto, stream, &primary).1, auto.chosen()), (0, "history"));
+}
+
 /// Of tasks of many rays as many samples are taken as samplers take at least, and paid for.
 ///
 /// Mutants: two samples of each, which is no share of rays that there is; their price that of two.

@@ -7,6 +7,8 @@ use rt_core::{Scene, Triangle};
 pub(super) struct Soup {
     pub(super) triangles: Vec<Triangle>,
     ids: Vec<u32>,
+    /// Whether ids are positions: every triangle has area.
+    is_whole: bool,
 }
 
 impl Soup {
@@ -21,7 +23,9 @@ impl Soup {
             Triangle::new(a, b, c)
         };
         let triangles = order.iter().map(given).collect();
-        Self { triangles, ids: order.iter().map(|&slot| scene.primitives().get(slot)).collect() }
+        let ids: Vec<u32> = order.iter().map(|&slot| scene.primitives().get(slot)).collect();
+        let is_whole = ids.last().is_none_or(|&last| last as usize + 1 == ids.len());
+        Self { triangles, ids, is_whole }
     }
 
     /// The id of the triangle at a position of [`Soup::triangles`]; `u32::MAX` beyond them.
@@ -31,6 +35,9 @@ impl Soup {
 
     /// The position of the triangle with this id; `u32::MAX` if it is not among them.
     pub(super) fn position(&self, id: u32) -> u32 {
+        if self.is_whole {
+            return if (id as usize) < self.ids.len() { id } else { u32::MAX };
+        }
         self.ids.binary_search(&id).map_or(u32::MAX, |position| position as u32)
     }
 }
@@ -53,6 +60,8 @@ mod tests {
             assert_eq!(soup.triangles.len(), 49);
             assert_eq!((soup.id(6), soup.id(7), soup.id(49)), (6, 8, u32::MAX));
             assert_eq!((soup.position(6), soup.position(7), soup.position(8)), (6, u32::MAX, 7));
+            let whole = Soup::of(&tree::build(&given[8..], rt_bvh::Builder::Sah).expect("a good mesh"));
+            assert_eq!((whole.id(41), whole.position(41), whole.position(42)), (41, 41, u32::MAX));
             assert!(soup.triangles.iter().enumerate().all(|(i, t)| *t == given[soup.id(i as u32) as usize]));
         }
     }

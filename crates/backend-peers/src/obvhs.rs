@@ -1,7 +1,7 @@
 //! The crate `obvhs` as a device, as it comes: its preset `medium_build` and its Möller–Trumbore test.
 
-use super::soup::Soup;
-use super::tracer::{Peer, PeerTracer};
+use crate::soup::Soup;
+use crate::tracer::{Asked, Peer, PeerTracer, info};
 use obvhs::BvhBuildParams;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
@@ -36,7 +36,7 @@ impl ObvhsLayout {
     }
 }
 
-/// `obvhs` on one thread.
+/// `obvhs` on some threads.
 ///
 /// Meshes with very many equal centroids take it time quadratic in their number.
 #[derive(Debug)]
@@ -46,11 +46,10 @@ pub struct ObvhsDevice {
 }
 
 impl ObvhsDevice {
-    /// A device with this layout.
+    /// A device with this layout and so many threads; 0 is 1.
     #[must_use]
-    pub fn new(layout: ObvhsLayout) -> Self {
-        let name = format!("obvhs {}", layout.name());
-        Self { info: super::info(name, "obvhs"), layout }
+    pub fn new(layout: ObvhsLayout, threads: usize) -> Self {
+        Self { info: info(format!("obvhs {}", layout.name()), "obvhs", threads), layout }
     }
 }
 
@@ -61,7 +60,7 @@ impl Device for ObvhsDevice {
 
     fn tracer(&self, scene: Arc<Scene>, clock: Clock) -> Result<Box<dyn Tracer>, DeviceError> {
         let layout = self.layout;
-        Ok(Box::new(PeerTracer::start(clock, move || Ok(Obvhs::new(&Soup::of(&scene), layout)))?))
+        Ok(Box::new(PeerTracer::start(clock, self.info.units, move || Ok(Obvhs::new(&Soup::of(&scene), layout)))?))
     }
 }
 
@@ -113,13 +112,17 @@ impl Obvhs {
 }
 
 impl Peer for Obvhs {
-    fn prepare(&mut self, _query: Query) -> Result<(), String> {
-        Ok(())
+    fn trace(&self, rays: &[Ray], origins: &[u32], asked: Asked, hits: &mut [Hit]) {
+        for ((hit, ray), &origin) in hits.iter_mut().zip(rays).zip(origins) {
+            *hit = self.hit(ray, origin, asked.query);
+        }
     }
+}
 
-    fn trace(&self, ray: &Ray, origin: u32, query: Query) -> Result<Hit, String> {
+impl Obvhs {
+    fn hit(&self, ray: &Ray, origin: u32, query: Query) -> Hit {
         // It demands finite rays and checks them where debug assertions are on.
-        let Some(tree) = self.tree.as_ref().filter(|_| ray.is_valid()) else { return Ok(Hit::MISS) };
+        let Some(tree) = self.tree.as_ref().filter(|_| ray.is_valid()) else { return Hit::MISS };
         let given = obvhs::ray::Ray::new(ray.origin.into(), ray.direction.into(), ray.tmin, ray.tmax);
         let mut found = RayHit::none();
         let mut any = Hit::MISS;
@@ -142,10 +145,10 @@ impl Peer for Obvhs {
         let (Query::Closest | Query::All { .. }, Some(triangle)) =
             (query, self.triangles.get(found.primitive_id as usize))
         else {
-            return Ok(any);
+            return any;
         };
         let weights = triangle.compute_barycentric(&given);
         let primitive = self.ids[found.primitive_id as usize];
-        Ok(Hit { t: found.t, u: weights.x, v: weights.y, primitive })
+        Hit { t: found.t, u: weights.x, v: weights.y, primitive }
     }
 }
