@@ -35,8 +35,8 @@ class Tracer:
     policy
         How tasks are dealt, or ordered: "lpt" (None, too), "block", "round-robin".
     estimator
-        How the cost of tasks is estimated: "auto", "uniform", "exact", "adaptive", "field", "history" and others, with
-        the share of the rays that is walked behind a blank where that is wanted: "exact 1/64".
+        How the cost of tasks is estimated: "auto", "uniform", "exact", "history" and others, with the share of the
+        rays that is walked behind a blank where that is wanted: "exact 1/64".
     precision
         How triangles are tested: "robust" and "f64" are exact, "fast" may leak. None: as the scene needs it.
     task_size

@@ -5,7 +5,7 @@
 
 use crate::QueueKind;
 use rt_core::{CostEstimator, ReducedWalk, Walk};
-use rt_sched::estimate::{Adaptive, Auto, Field, History, Sampled, Uniform};
+use rt_sched::estimate::{Auto, History, Sampled, Uniform};
 use rt_sched::policy::{Block, Lpt, PermutedRegions, Policy, RoundRobin};
 use rt_sched::sample::Fraction;
 use std::error::Error;
@@ -50,16 +50,6 @@ pub const ESTIMATORS: &[Entry<Make>] = &[
         "exact",
         "Full traversal of sampled rays, whose hits are kept",
         Make::Sampling(|fraction| Box::new(Sampled::new(Walk::Full, fraction)), Fraction::SIXTY_FOURTH),
-    ),
-    entry(
-        "adaptive",
-        "As exact, with as many samples as they are worth, where they are worth most",
-        Make::Beginning(|fraction| Box::new(Adaptive::new(fraction)), Fraction::TWO_HUNDRED_FIFTY_SIXTH),
-    ),
-    entry(
-        "field",
-        "As exact, with a map of where in the scene rays are expensive",
-        Make::Sampling(|fraction| Box::new(Field::new(fraction)), Fraction::SIXTY_FOURTH),
     ),
     entry(
         "history",
@@ -271,7 +261,7 @@ mod tests {
         }
         for bad in ["", "exakt", "uniform 1/2", "exact 2", "exact 1/0", "auto 1/2", "exact x"] {
             let message = bad.parse::<Estimator>().unwrap_err().to_string();
-            assert!(message.contains(&format!("`{bad}`")) && message.contains("field"), "{message}");
+            assert!(message.contains(&format!("`{bad}`")) && message.contains("history"), "{message}");
         }
     }
 

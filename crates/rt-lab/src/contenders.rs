@@ -1,9 +1,11 @@
 //! The ways to schedule that experiments compare: queue, policy and estimate.
 
+use crate::lifelines::Lifelines;
 use rt_balance::catalogue::{ESTIMATORS, Estimator, POLICIES, find};
 use rt_balance::policies::Policy;
 use rt_balance::{QueueKind, Scheduling};
 use rt_core::CostEstimator;
+use rt_sched::queue::QueueMaker;
 
 /// One of them.
 #[derive(Clone, Copy, Debug)]
@@ -11,12 +13,19 @@ pub struct Contender {
     /// The name, as tables and files have it.
     pub name: &'static str,
     /// The queue.
-    pub queue: QueueKind,
+    pub queue: MakeQueue,
     /// Name of the policy; `None`: the queue's own.
     pub policy: Option<&'static str>,
     /// What is known of the tasks.
     pub estimate: Estimate,
 }
+
+/// How what makes queues is made.
+pub type MakeQueue = fn() -> Box<dyn QueueMaker>;
+
+const STATIC: MakeQueue = || Box::new(QueueKind::Static);
+const CENTRAL_QUEUE: MakeQueue = || Box::new(QueueKind::Central);
+const HYBRID_QUEUE: MakeQueue = || Box::new(QueueKind::Hybrid);
 
 /// What is known of the tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,7 +38,7 @@ pub enum Estimate {
 
 const fn contender(
     name: &'static str,
-    queue: QueueKind,
+    queue: MakeQueue,
     policy: Option<&'static str>,
     estimate: Estimate,
 ) -> Contender {
@@ -37,22 +46,25 @@ const fn contender(
 }
 
 /// Static queues of contiguous blocks: what needs neither estimate nor thought.
-pub const BLOCKS: Contender = contender("static blocks", QueueKind::Static, Some("block"), Estimate::None);
+pub const BLOCKS: Contender = contender("static blocks", STATIC, Some("block"), Estimate::None);
 /// Static queues dealt in turn: the paper's regular static queues.
-pub const ROUND_ROBIN: Contender =
-    contender("static round robin", QueueKind::Static, Some("round-robin"), Estimate::None);
+pub const ROUND_ROBIN: Contender = contender("static round robin", STATIC, Some("round-robin"), Estimate::None);
 /// The paper's cost-initialised static queues.
-pub const STATIC_COST: Contender =
-    contender("static LPT, cost-initialised", QueueKind::Static, Some("lpt"), Estimate::Asked);
+pub const STATIC_COST: Contender = contender("static LPT, cost-initialised", STATIC, Some("lpt"), Estimate::Asked);
 /// The paper's regular central queue.
-pub const CENTRAL: Contender = contender("central", QueueKind::Central, None, Estimate::None);
+pub const CENTRAL: Contender = contender("central", CENTRAL_QUEUE, None, Estimate::None);
 /// The paper's cost-initialised central queue.
-pub const CENTRAL_COST: Contender = contender("central, cost-initialised", QueueKind::Central, None, Estimate::Asked);
+pub const CENTRAL_COST: Contender = contender("central, cost-initialised", CENTRAL_QUEUE, None, Estimate::Asked);
 /// The hybrid queue that knows nothing: the rival of every estimate.
-pub const HYBRID: Contender = contender("hybrid", QueueKind::Hybrid, None, Estimate::None);
+pub const HYBRID: Contender = contender("hybrid", HYBRID_QUEUE, None, Estimate::None);
 
 /// The hybrid queue with costs.
-pub const HYBRID_COST: Contender = contender("hybrid, cost-initialised", QueueKind::Hybrid, None, Estimate::Asked);
+pub const HYBRID_COST: Contender = contender("hybrid, cost-initialised", HYBRID_QUEUE, None, Estimate::Asked);
+
+/// Permuted regions, whose shares go by speeds: a rival.
+pub const PERMUTED: Contender = contender("permuted regions", STATIC, Some("permuted-regions"), Estimate::None);
+/// Work stealing with lifelines, from contiguous blocks: a rival.
+pub const LIFELINES: Contender = contender("lifelines", || Box::new(Lifelines), Some("block"), Estimate::None);
 
 impl Contender {
     /// A new estimator; `asked` is the one that the experiment is about.
@@ -74,7 +86,7 @@ impl Contender {
     #[must_use]
     pub fn scheduling(&self, asked: &Estimator) -> Scheduling {
         let (estimator, policy) = (self.estimator(asked), self.policy());
-        Scheduling { estimator, policy, queue: Box::new(self.queue), ..Scheduling::default() }
+        Scheduling { estimator, policy, queue: (self.queue)(), ..Scheduling::default() }
     }
 }
 
@@ -96,7 +108,9 @@ mod tests {
     #[test]
     fn every_contender_can_be_scheduled() {
         let asked = ESTIMATORS[0].usual();
-        for contender in [BLOCKS, ROUND_ROBIN, STATIC_COST, CENTRAL, CENTRAL_COST, HYBRID] {
+        for contender in
+            [BLOCKS, ROUND_ROBIN, STATIC_COST, CENTRAL, CENTRAL_COST, HYBRID, HYBRID_COST, PERMUTED, LIFELINES]
+        {
             let scheduling = contender.scheduling(&asked);
             assert!(scheduling.policy().is_ok(), "{}", contender.name);
             assert_eq!(scheduling.estimator.name() == "uniform", contender.estimate == Estimate::None);

@@ -6,6 +6,7 @@
 //! | [`simulate`] | machines that are not there, played from measured task times |
 //! | [`tradeoff`] | what speed costs in accuracy, in memory and in time to prepare |
 //! | [`compare`] | which queue, policy and estimator to use for a scene and devices |
+//! | [`estimators`] | those of the catalogue, and those that are only tried |
 //! | [`contenders`] | the ways to schedule that other experiments set beside each other |
 //! | [`arguments`] | values on the command lines of programs that run experiments |
 //! | [`devices`] | the devices of this machine, for people and programs |
@@ -24,9 +25,11 @@ pub mod bench;
 pub mod compare;
 pub mod contenders;
 pub mod devices;
+pub mod estimators;
 pub mod figure1;
 mod intervals;
 mod lab;
+mod lifelines;
 pub mod simulate;
 mod subject;
 mod time_budget;

@@ -26,13 +26,6 @@ pub fn overhead(estimate_s: f64, makespan_s: f64) -> Option<f64> {
     ratio(estimate_s, makespan_s - estimate_s)
 }
 
-/// Worst makespan of LPT on `devices` equal devices, relative to the best: `4/3 − 1/(3m)` (R. L. Graham, *Bounds on
-/// Multiprocessing Timing Anomalies*, 1969).
-#[must_use]
-pub fn graham_bound(devices: usize) -> f64 {
-    4.0 / 3.0 - 1.0 / (3.0 * devices.max(1) as f64)
-}
-
 fn ratio(of: f64, to: f64) -> Option<f64> {
     Some(of / to).filter(|r| r.is_finite() && to > 0.0)
 }
@@ -100,8 +93,6 @@ mod tests {
         assert_eq!(excess(3.0, 2.0), Some(0.5));
         assert_eq!(overhead(1.0, 5.0), Some(0.25));
         assert_eq!(overhead(5.0, 5.0), None);
-        assert_eq!(graham_bound(1), 1.0);
-        assert!((graham_bound(2) - 7.0 / 6.0).abs() < 1e-15);
     }
 
     #[test]

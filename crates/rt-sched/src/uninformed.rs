@@ -5,9 +5,6 @@
 //! [`crate::simulate`], within a factor of 3 from 2 devices and 16 tasks to 64 devices and 65,536 tasks, at least 8
 //! tasks for each device (see the tests). Nothing exact can be said before anything was measured.
 
-use crate::queue::QueueMaker;
-use rt_core::{Coherence, CostEstimator, Observation, RayStream, Step, StreamKind, Task};
-
 /// Tasks dealt once, in turn, to static queues.
 ///
 /// Sums of n/m random costs on m devices: the latest device is late by some √(2 ln m) standard deviations (H. Cramér,
@@ -61,33 +58,6 @@ impl Regime {
     pub fn of_lists(&self) -> f64 {
         if self.are_speeds_known || self.devices < 2 { fixed_excess(self.tasks, self.devices) } else { 1.0 }
     }
-}
-
-/// Whether an estimator walks samples of such a stream where it is the first, so that neither speeds nor what launches
-/// cost are known.
-#[must_use]
-pub fn does_sample(
-    estimator: &mut dyn CostEstimator,
-    queue: &dyn QueueMaker,
-    kind: StreamKind,
-    tasks: &[Task],
-    devices: usize,
-    are_alike: bool,
-) -> bool {
-    let regime = Regime { tasks: tasks.len(), devices, are_speeds_known: false, are_alike, launch: 0.0 };
-    let stream = RayStream {
-        kind,
-        coherence: Coherence::Unknown,
-        tasks,
-        seed: 0,
-        wave: 0,
-        source: None,
-        devices: devices as u32,
-        uninformed_excess: queue.uninformed_excess(&regime),
-        moves: queue.moves(&regime),
-        has_walks: true,
-    };
-    matches!(estimator.next(stream, Observation::default()), Step::Sample { .. })
 }
 
 #[cfg(test)]

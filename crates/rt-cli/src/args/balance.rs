@@ -4,7 +4,8 @@ use super::parse::{named, parse_devices, parse_fraction, parse_seconds, reduced_
 use super::{DeviceArgs, heading};
 use clap::Args;
 use rt_balance::QueueKind;
-use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};
+use rt_balance::catalogue::{Entry, Make, MakePolicy, POLICIES, QUEUES};
+use rt_lab::estimators;
 use std::time::Duration;
 
 /// How the cost of a task is estimated.
@@ -12,7 +13,8 @@ use std::time::Duration;
 #[command(next_help_heading = heading::SCHEDULING)]
 pub(crate) struct EstimateArgs {
     /// How the cost of a task is estimated
-    #[arg(long, value_parser = named(ESTIMATORS), default_value = ESTIMATORS[0].name, value_name = "NAME")]
+    #[arg(long, value_parser = named(estimators::all()), default_value = estimators::all()[0].name,
+          value_name = "NAME")]
     pub(crate) estimator: &'static Entry<Make>,
     /// Share of the rays that is sampled for the estimate, from 1/4096 to 1 (such as 1/64 or 0.0156); default 1/64;
     /// adaptive begins with 1/256

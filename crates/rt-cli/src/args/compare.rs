@@ -5,7 +5,8 @@ use super::parse::{named, parse_devices, parse_fraction, parse_size};
 use super::{DeviceArgs, SceneArgs};
 use clap::Args;
 use rt_balance::QueueKind;
-use rt_balance::catalogue::{ESTIMATORS, Entry, Make, MakePolicy, POLICIES, QUEUES};
+use rt_balance::catalogue::{Entry, Make, MakePolicy, POLICIES, QUEUES};
+use rt_lab::estimators;
 use std::path::PathBuf;
 
 #[derive(Debug, Args)]
@@ -39,7 +40,7 @@ pub(crate) struct CompareArgs {
           value_name = "NAMES")]
     pub(crate) policy: Vec<&'static Entry<MakePolicy>>,
     /// Estimators to combine; those that learn are measured for a first picture and for later frames
-    #[arg(long, help_heading = heading::SCHEDULING, value_parser = named(ESTIMATORS), value_delimiter = ',',
+    #[arg(long, help_heading = heading::SCHEDULING, value_parser = named(estimators::all()), value_delimiter = ',',
           value_name = "NAMES")]
     pub(crate) estimator: Vec<&'static Entry<Make>>,
     /// Share of the rays that estimators sample, such as 1/64 [default: each one's own]

@@ -59,18 +59,27 @@ pub(crate) const ROUND_ROBIN: usize = 1;
 pub(crate) const STATIC_COST: usize = 2;
 pub(crate) const CENTRAL: usize = 3;
 pub(crate) const CENTRAL_COST: usize = 4;
+pub(crate) const HYBRID: usize = 5;
+pub(crate) const HYBRID_COST: usize = 6;
+pub(crate) const PERMUTED: usize = 7;
+pub(crate) const LIFELINES: usize = 8;
 
 /// The bars of the figure.
-pub(crate) const CONFIGS: [Contender; 5] = [
+pub(crate) const CONFIGS: [Contender; 9] = [
     contenders::BLOCKS,
     contenders::ROUND_ROBIN,
     contenders::STATIC_COST,
     contenders::CENTRAL,
     contenders::CENTRAL_COST,
+    contenders::HYBRID,
+    contenders::HYBRID_COST,
+    contenders::PERMUTED,
+    contenders::LIFELINES,
 ];
 
 /// The regular configurations that each one is compared with.
-const AGAINST: [&[usize]; 5] = [&[], &[], &[BLOCKS, ROUND_ROBIN], &[], &[CENTRAL]];
+const AGAINST: [&[usize]; CONFIGS.len()] =
+    [&[], &[], &[BLOCKS, ROUND_ROBIN], &[], &[CENTRAL], &[], &[HYBRID], &[], &[]];
 
 /// Where tasks run.
 #[derive(Clone, Copy, Debug)]
@@ -177,7 +186,7 @@ fn series(index: usize, rounds: &[[Times; CONFIGS.len()]]) -> Series {
     let ratio =
         |&other: &usize| Ratio { over: CONFIGS[other].name, ratio: Summary::of_ratios(&total_s, &totals(other)) };
     Series {
-        queue: config.queue.name(),
+        queue: (config.queue)().name(),
         policy: config.policy,
         cost_initialised: config.estimate == Estimate::Asked,
         total: Summary::new(&total_s),

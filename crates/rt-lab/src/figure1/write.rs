@@ -1,7 +1,10 @@
 //! What `figure1` leaves behind: figure, raw times, tables.
 
 use super::Results;
-use super::measure::{BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, Panel, ROUND_ROBIN, STATIC_COST, Series, Size};
+use super::measure::{
+    BLOCKS, CENTRAL, CENTRAL_COST, CONFIGS, HYBRID, HYBRID_COST, LIFELINES, PERMUTED, Panel, ROUND_ROBIN, STATIC_COST,
+    Series, Size,
+};
 use crate::Lab;
 use crate::intervals::with_interval;
 use anyhow::Result;
@@ -74,10 +77,12 @@ fn page(results: &Results, figure: &Figure) -> Result<Page> {
     page.section("Figure");
     page.chart(
         &figure1::to_svg(figure)?,
-        "Bars: tracing time of static and central queues, regular and cost-initialised, for every task size; one panel \
-         for each scene and kind of rays. The tables below hold the same numbers.",
+        "Bars: tracing time of static, central and hybrid queues, regular and cost-initialised, and of two rivals, for \
+         every task size; one panel for each scene and kind of rays. The tables below hold the same numbers.",
         "After Figure 1 of M. Rincón-Nigro and Z. Deng (2013). Grey bars in the background: regular queues, which know no \
-         costs. Coloured bars: the same queues initialised by estimated costs, the estimation stacked on the tracing.",
+         costs. Coloured bars: the same queues initialised by estimated costs, the estimation stacked on the tracing. \
+         Added are the hybrid queue and two rivals that know no costs: permuted regions (van Antwerpen, Seibert, \
+         Keller 2019) and work stealing with lifelines (Saraswat and others 2011).",
     );
     page.section("How it was measured");
     for note in figure.notes.iter().chain(&results.note) {
@@ -131,6 +136,10 @@ fn group(size: &Size) -> Group {
         static_cost: bar(STATIC_COST),
         central: whole(CENTRAL),
         central_cost: bar(CENTRAL_COST),
+        hybrid: whole(HYBRID),
+        hybrid_cost: bar(HYBRID_COST),
+        permuted: whole(PERMUTED),
+        lifelines: whole(LIFELINES),
     }
 }
 
@@ -152,8 +161,13 @@ impl Panel {
             "estimate",
             "central",
             "central+cost",
+            "hybrid",
+            "hybrid+cost",
+            "permuted",
+            "lifelines",
             "LPT/round robin",
             "central+cost/central",
+            "hybrid+cost/hybrid",
         ]);
         for size in &self.sizes {
             let total = |index: usize| table::seconds(size.series[index].total.median);
@@ -170,8 +184,13 @@ impl Panel {
                 table::seconds(size.series[STATIC_COST].estimate.median),
                 total(CENTRAL),
                 total(CENTRAL_COST),
+                total(HYBRID),
+                total(HYBRID_COST),
+                total(PERMUTED),
+                total(LIFELINES),
                 ratio(STATIC_COST),
                 ratio(CENTRAL_COST),
+                ratio(HYBRID_COST),
             ]);
         }
         table

@@ -7,8 +7,9 @@ use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
+use rt_core::{Coherence, Observation, RayStream, Step};
 use rt_sched::bound;
-use rt_sched::uninformed::does_sample;
+use rt_sched::uninformed::Regime;
 use serde::Serialize;
 
 /// Alike nodes, each of devices of these speeds.
@@ -96,7 +97,21 @@ impl Machine {
     fn does_default_sample(&self, recording: &Recording) -> bool {
         let Scheduling { mut estimator, queue, .. } = Scheduling::default();
         let are_alike = self.speeds.windows(2).all(|pair| pair[0] == pair[1]);
-        does_sample(&mut *estimator, &*queue, recording.kind, &recording.tasks(), self.speeds.len(), are_alike)
+        let (tasks, devices) = (recording.tasks(), self.speeds.len());
+        let regime = Regime { tasks: tasks.len(), devices, are_speeds_known: false, are_alike, launch: 0.0 };
+        let stream = RayStream {
+            kind: recording.kind,
+            coherence: Coherence::Unknown,
+            tasks: &tasks,
+            seed: 0,
+            wave: 0,
+            source: None,
+            devices: devices as u32,
+            uninformed_excess: queue.uninformed_excess(&regime),
+            moves: queue.moves(&regime),
+            has_walks: true,
+        };
+        matches!(estimator.next(stream, Observation::default()), Step::Sample { .. })
     }
 
     /// Tiles of neighbouring tasks are let to nodes as between real ones; within a node the strategy deals each tile's.
@@ -166,7 +181,8 @@ mod tests {
                 let excess = outcome.makespan_s / bound - 1.0;
                 assert!(excess > -1e-6, "{machine:?}, {name}: {outcome:?} beats {bound}");
                 assert!(outcome.launches > 0.0, "{name}");
-                let knows_speeds = name != "static round robin" || machine.speeds[0] == machine.speeds[1];
+                let of_equal = ["static round robin", "lifelines"].contains(&name);
+                let knows_speeds = !of_equal || machine.speeds[0] == machine.speeds[1];
                 let most = if knows_speeds { 0.25 } else { 2.0 };
                 assert!(excess < most, "{machine:?}, {name}: {excess}");
                 if name == "default, later ones" {

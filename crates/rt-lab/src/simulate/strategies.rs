@@ -1,6 +1,8 @@
 //! What is compared: queue, policy, and what is known of tasks and devices.
 
-use crate::contenders::{CENTRAL, CENTRAL_COST, Contender, HYBRID, HYBRID_COST, ROUND_ROBIN, STATIC_COST};
+use crate::contenders::{
+    CENTRAL, CENTRAL_COST, Contender, HYBRID, HYBRID_COST, LIFELINES, PERMUTED, ROUND_ROBIN, STATIC_COST,
+};
 
 /// One of them.
 #[derive(Clone, Copy, Debug)]
@@ -29,13 +31,12 @@ const fn strategy(name: &'static str, contender: Contender, knows: Knows) -> Str
     Strategy { name, contender, knows }
 }
 
-const PERMUTED: Contender = Contender { policy: Some("permuted-regions"), ..ROUND_ROBIN };
-
 impl Strategy {
     /// Every strategy; the last two are the default's, of its first stream and of later ones.
-    pub(super) const ALL: [Self; 11] = [
+    pub(super) const ALL: [Self; 12] = [
         strategy("static round robin", ROUND_ROBIN, Knows::Nothing),
         strategy("permuted regions, speeds", PERMUTED, Knows::Speeds),
+        strategy("lifelines", LIFELINES, Knows::Nothing),
         strategy("static LPT, samples", STATIC_COST, Knows::Samples),
         strategy("static LPT, past", STATIC_COST, Knows::Past),
         strategy("central", CENTRAL, Knows::Nothing),

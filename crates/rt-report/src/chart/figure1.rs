@@ -8,7 +8,7 @@
 
 use super::canvas::Rgb;
 use super::scale::{tick_label, ticks, time_unit};
-use super::sheet::{Align, BLUE, FAINT, GRID, INK, Look, ORANGE, PURPLE, Sheet, text_room};
+use super::sheet::{Align, BLUE, FAINT, GREEN, GRID, INK, Look, ORANGE, PURPLE, SKY, Sheet, VERMILION, text_room};
 use crate::output::write_atomically;
 use crate::{Provenance, ReportError};
 use std::path::Path;
@@ -48,6 +48,14 @@ pub struct Group {
     pub central: Bar,
     /// Central queue, cost-initialised.
     pub central_cost: Bar,
+    /// Hybrid queue that knows no costs.
+    pub hybrid: Bar,
+    /// Hybrid queue, cost-initialised.
+    pub hybrid_cost: Bar,
+    /// Permuted regions, a rival that knows no costs.
+    pub permuted: Bar,
+    /// Work stealing with lifelines, a rival that knows no costs.
+    pub lifelines: Bar,
 }
 
 /// A measured time.
@@ -75,8 +83,9 @@ const PANEL: f64 = 46.0 + PLOT + 58.0;
 const NOTE: f64 = 17.0;
 const LEGEND: f64 = 24.0;
 
-/// Share of a group's width that one queue's bars take: two of them and a gap.
-const SLOT: f64 = 0.43;
+/// Share of a group's width that one queue's bars take, and of one rival's: three and two of them, and gaps.
+const SLOT: f64 = 0.24;
+const RIVAL: f64 = 0.06;
 /// Share of a slot that the coloured bar covers.
 const FRONT: f64 = 0.5;
 
@@ -126,11 +135,14 @@ fn legend(sheet: &mut Sheet, top: f64) {
         &[
             (ORANGE, "static distributed queues, cost-initialised (LPT)"),
             (BLUE, "central queue, cost-initialised"),
-            (ESTIMATION, "estimation, before either"),
+            (VERMILION, "hybrid queue, cost-initialised"),
+            (ESTIMATION, "estimation, before it"),
         ],
         &[
-            (BLOCKS, "background: regular (static: contiguous blocks; central: first come first served)"),
-            (ROUND_ROBIN, "background: regular, static, round robin"),
+            (BLOCKS, "background: regular (static: contiguous blocks)"),
+            (ROUND_ROBIN, "regular, static, round robin"),
+            (GREEN, "permuted regions (2019)"),
+            (SKY, "stealing with lifelines (2011)"),
         ],
     ];
     for (row, entries) in rows.iter().enumerate() {
@@ -159,7 +171,11 @@ fn whisker(sheet: &mut Sheet, x: f64, [high, low]: [f64; 2], color: Rgb) {
 impl Panel {
     /// The longest bar or whisker, in seconds.
     fn longest(&self) -> f64 {
-        let bars = self.groups.iter().flat_map(|g| [g.blocks, g.round_robin, g.static_cost, g.central, g.central_cost]);
+        let bars = self.groups.iter().flat_map(|g| {
+            [g.blocks, g.round_robin, g.static_cost, g.central, g.central_cost, g.hybrid, g.hybrid_cost]
+                .into_iter()
+                .chain([g.permuted, g.lifelines])
+        });
         let ends = bars.flat_map(|bar| [bar.median_s, bar.interval_s[1]]).filter(|s| s.is_finite());
         ends.fold(0.0, f64::max)
     }
@@ -214,8 +230,15 @@ impl Group {
             whisker(sheet, left + slot / 2.0, front.interval_s.map(y), INK);
         };
         let fixed = [(self.blocks, BLOCKS), (self.round_robin, ROUND_ROBIN)];
-        pair(middle - gap / 2.0 - slot, fixed, self.static_cost, ORANGE);
-        pair(middle + gap / 2.0, [(self.central, BLOCKS); 2], self.central_cost, BLUE);
+        let start = middle - (3.0 * (slot + gap) + 2.0 * RIVAL * width) / 2.0;
+        pair(start, fixed, self.static_cost, ORANGE);
+        pair(start + slot + gap, [(self.central, BLOCKS); 2], self.central_cost, BLUE);
+        pair(start + 2.0 * (slot + gap), [(self.hybrid, BLOCKS); 2], self.hybrid_cost, VERMILION);
+        for (nth, (bar, color)) in [(self.permuted, GREEN), (self.lifelines, SKY)].into_iter().enumerate() {
+            let left = start + 3.0 * (slot + gap) + nth as f64 * RIVAL * width;
+            sheet.rectangle((left, y(bar.median_s)), (left + RIVAL * width, lower), color);
+            whisker(sheet, left + RIVAL * width / 2.0, bar.interval_s.map(y), INK);
+        }
     }
 }
 
@@ -236,6 +259,10 @@ mod tests {
             static_cost: bar(1.1 * scale, 0.05 * scale),
             central: whole(1.5),
             central_cost: bar(1.3 * scale, 0.05 * scale),
+            hybrid: whole(1.05),
+            hybrid_cost: bar(1.04 * scale, 0.05 * scale),
+            permuted: whole(1.2),
+            lifelines: whole(1.1),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Sampled counts, task by task, and what they say of their own error.
+//! Sampled counts, task by task, and what they say of their own error: what estimators that sample are made of.
 
 use super::neighbours::{Own, shrunk};
 use crate::sample::{Fraction, RaySampler};
@@ -8,14 +8,14 @@ use rt_core::{Observation, RayStream, Task, TestCounts, Work};
 
 /// The rays that an estimator has asked for and waits for.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Asked {
+pub struct Asked {
     total: usize,
     tasks: usize,
 }
 
 impl Asked {
     /// Chooses `fraction` of each of the `blocks`, which cover the rays of a stream in order. In increasing order.
-    pub(super) fn choose(
+    pub fn choose(
         &mut self,
         stream: RayStream<'_>,
         blocks: impl Iterator<Item = Task>,
@@ -31,7 +31,7 @@ impl Asked {
     }
 
     /// Whether `seen` answers what was asked; then nothing is asked for any more. Anything else begins a new stream.
-    pub(super) fn is_answered(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> bool {
+    pub fn is_answered(&mut self, stream: RayStream<'_>, seen: Observation<'_>) -> bool {
         let answered = !seen.counts.is_empty()
             && (seen.counts.len(), seen.rays.len(), stream.tasks.len()) == (self.total, self.total, self.tasks);
         if answered {
@@ -43,14 +43,16 @@ impl Asked {
 
 /// A stream's samples, in increasing order of their rays.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Batch<'a> {
-    pub(super) stream: RayStream<'a>,
-    pub(super) seen: Observation<'a>,
+pub struct Batch<'a> {
+    /// The stream.
+    pub stream: RayStream<'a>,
+    /// The samples that were walked.
+    pub seen: Observation<'a>,
 }
 
 impl<'a> Batch<'a> {
     /// Each task with its samples: their rays and counts.
-    pub(super) fn tasks(&self) -> impl Iterator<Item = (Task, &'a [u32], &'a [TestCounts])> + use<'a> {
+    pub fn tasks(&self) -> impl Iterator<Item = (Task, &'a [u32], &'a [TestCounts])> + use<'a> {
         let Observation { mut rays, mut counts } = self.seen;
         self.stream.tasks.iter().map(move |task| {
             let own = rays.partition_point(|&ray| ray < task.range().end);
@@ -61,16 +63,11 @@ impl<'a> Batch<'a> {
         })
     }
 
-    /// Whether every task that has rays has a sample.
-    pub(super) fn reaches_all(&self) -> bool {
-        self.tasks().all(|(task, rays, _)| task.rays == 0 || !rays.is_empty())
-    }
-
     /// Each task's samples scaled to all its rays, with their standard error.
     ///
     /// Of random samples the means are first shrunk towards those of the tasks beside them; evenly spread ones of
     /// coherent rays know their own tasks too well for that ([`super::Sampled`] has figures).
-    pub(super) fn extrapolated(&self) -> Vec<Work> {
+    pub fn extrapolated(&self) -> Vec<Work> {
         let unlike = Divergence::of(self.seen.counts);
         let work = match RaySampler::for_stream(&self.stream) {
             RaySampler::Strided => self.scaled_up(),
@@ -143,12 +140,12 @@ impl<'a> Batch<'a> {
 }
 
 /// Box and triangle tests together.
-pub(super) fn tests(counts: &TestCounts) -> f64 {
+pub fn tests(counts: &TestCounts) -> f64 {
     f64::from(counts.boxes) + f64::from(counts.triangles)
 }
 
 /// The work of `rays` rays when the sample stands for all of them.
-pub(super) fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
+pub fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
     let scale = f64::from(rays) / sample.len().max(1) as f64;
     let sum = |of: fn(&TestCounts) -> u32| sample.iter().map(|c| u64::from(of(c))).sum::<u64>() as f64;
     Work::new(rays as f32, (sum(|c| c.boxes) * scale) as f32, (sum(|c| c.triangles) * scale) as f32)
@@ -159,13 +156,14 @@ pub(super) fn scaled_up(sample: &[TestCounts], rays: u32) -> Work {
 /// Sampled rays lie further apart than a task's own do, so this is more than theirs. The prices that are fitted to it
 /// know nothing else, so only its proportion matters.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Divergence {
+pub struct Divergence {
     /// Of all samples: what is believed of a task that has fewer than two.
     mean: f64,
 }
 
 impl Divergence {
-    pub(super) fn of(samples: &[TestCounts]) -> Self {
+    /// Of all samples of a stream, in the order of their rays.
+    pub fn of(samples: &[TestCounts]) -> Self {
         Self { mean: Self::mean(samples).unwrap_or(0.0) }
     }
 
@@ -175,14 +173,14 @@ impl Divergence {
     }
 
     /// That of `rays` rays whose sample this is.
-    pub(super) fn scaled_up(self, sample: &[TestCounts], rays: u32) -> f32 {
+    pub fn scaled_up(self, sample: &[TestCounts], rays: u32) -> f32 {
         (Self::mean(sample).unwrap_or(self.mean) * f64::from(rays)) as f32
     }
 }
 
 /// Standard error of the total of `rays` rays from a sample of which `samples` were drawn, with the finite population
 /// correction (W. Cochran, *Sampling Techniques*, 1977, 2.6).
-pub(super) fn std_error(variance: f64, samples: usize, rays: u32) -> f64 {
+pub fn std_error(variance: f64, samples: usize, rays: u32) -> f64 {
     let (n, all) = (samples as f64, f64::from(rays));
     if samples == 0 { f64::NAN } else { all * libm::sqrt((1.0 - n / all).max(0.0) * variance / n) }
 }
@@ -210,7 +208,7 @@ fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
 /// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
 /// within one, which errs on the safe side.
 #[derive(Clone, Debug)]
-pub(super) struct Pool {
+pub struct Pool {
     /// Sums of squared differences before each sample; the first is of none.
     sums: Vec<f64>,
 }
@@ -241,14 +239,15 @@ const POOLED_FREEDOM: f64 = 21.0;
 
 /// Degrees of freedom of [`Pool::variance`] for so many samples, and the least of [`Pool::wide`] (F. Satterthwaite, *An
 /// Approximate Distribution of Estimates of Variance Components*, 1946).
-pub(super) fn freedom(samples: u32) -> f64 {
+pub fn freedom(samples: u32) -> f64 {
     let own = f64::from(samples.saturating_sub(1));
     let all = own + BORROWED;
     all * all / (own + BORROWED * BORROWED / POOLED_FREEDOM)
 }
 
 impl Pool {
-    pub(super) fn new(counts: &[TestCounts]) -> Self {
+    /// Of all samples of a stream, in the order of their rays.
+    pub fn new(counts: &[TestCounts]) -> Self {
         let mut sum = 0.0;
         let mut last = counts.first();
         let step = |next| {
@@ -261,7 +260,7 @@ impl Pool {
 
     /// Variance of the tests of one ray of the task whose samples are `own` of all; `None` where the whole stream has
     /// too few. The neighbourhood counts for `borrowed` deviations, more than none.
-    pub(super) fn variance(
+    pub fn variance(
         &self,
         own: Range<usize>,
         sample: &[TestCounts],

@@ -5,30 +5,26 @@
 //! | [`Uniform`] | the paper's regular tasks | nothing: every ray costs the same |
 //! | [`Sampled`] "exact" | sampling without replacement; empirical Bayes where rays are incoherent | full traversal of a sample, whose hits are kept |
 //! | [`Sampled`] "reduced…" | M. Rincón-Nigro and Z. Deng (2013) | reduced traversal of a sample, whose rays are traced again |
-//! | [`Adaptive`] | J. Neyman (1934) | exact counts where they are least certain, as many as they are worth |
-//! | [`Field`] | small area estimation | exact counts of a sample, and what they and earlier ones say of the scene |
 //! | [`History`] | Blender Cycles | nothing, once a stream of the same kind was traced |
 //! | [`Auto`] | – | nothing where there is a past; two samples of each task where they win more than they cost |
+//!
+//! Those that are only tried, since they cost more than they win, are in rt-lab; they are made of [`batch`] and
+//! [`price`], as any other can be.
 //!
 //! Every estimate carries the standard error of its number of tests where that is known; [`interval_95`] makes an
 //! interval of it. That is the error against *counts*. How well counts predict time is another question, answered by
 //! [`crate::calibrate`].
 
-mod adaptive;
 mod auto;
-mod batch;
-mod cells;
-mod field;
+pub mod batch;
 mod history;
 mod neighbours;
-mod price;
+pub mod price;
 mod sampled;
 #[cfg(test)]
 mod tests;
 
-pub use adaptive::Adaptive;
 pub use auto::Auto;
-pub use field::Field;
 pub use history::History;
 pub use sampled::{Sampled, interval_95};
 

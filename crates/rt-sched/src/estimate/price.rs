@@ -5,14 +5,14 @@ use rt_core::{RayStream, StreamKind, StreamRecord};
 
 /// What walking samples costs, for each kind of stream.
 #[derive(Clone, Debug, Default)]
-pub(super) struct WalkPrices {
+pub struct WalkPrices {
     /// By kind, and whether the stream is coherent.
     known: Vec<((StreamKind, bool), Price)>,
 }
 
 /// The price of a sample, in seconds of a traced ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Price {
+pub struct Price {
     /// Of walking it.
     ray: f64,
     /// Of what the host does for it, for every device that waits meanwhile.
@@ -21,12 +21,12 @@ pub(super) struct Price {
 
 impl Price {
     /// What a walked ray whose hit is kept costs beyond its trace.
-    pub(super) fn beyond(&self) -> f64 {
+    pub fn beyond(&self) -> f64 {
         (self.ray - 1.0).max(LEAST_PRICE)
     }
 
     /// What a sample costs altogether while `devices` devices wait for the host.
-    pub(super) fn of_sample(&self, devices: u32) -> f64 {
+    pub fn of_sample(&self, devices: u32) -> f64 {
         self.beyond() + f64::from(devices) * self.host
     }
 }
@@ -50,13 +50,14 @@ const BELIEVABLE: (f64, f64) = (0.1, 10.0);
 
 impl WalkPrices {
     /// The price for a kind, as measured or assumed.
-    pub(super) fn of(&self, stream: &RayStream<'_>) -> Price {
+    pub fn of(&self, stream: &RayStream<'_>) -> Price {
         let assumed = if stream.is_coherent() { ASSUMED_COHERENT } else { ASSUMED_OTHERWISE };
         let kind = (stream.kind, stream.is_coherent());
         self.known.iter().find(|(own, _)| *own == kind).map_or(assumed, |(_, price)| *price)
     }
 
-    pub(super) fn learn(&mut self, record: &StreamRecord<'_>) {
+    /// Learns from what the samples of a stream cost; one without samples tells nothing.
+    pub fn learn(&mut self, record: &StreamRecord<'_>) {
         let (Some(ray), Some(host)) = (record.walk_price(), record.host_price()) else { return };
         let ray = ray.clamp(BELIEVABLE.0, BELIEVABLE.1);
         let kind = (record.stream.kind, record.stream.is_coherent());

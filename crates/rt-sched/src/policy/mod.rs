@@ -8,6 +8,7 @@ mod rank;
 
 pub use lpt::Lpt;
 pub use permuted::PermutedRegions;
+pub(crate) use permuted::spread;
 pub(crate) use price::{mean_model, seconds, speed, total};
 pub(crate) use rank::most_expensive_first;
 

@@ -21,7 +21,7 @@ impl Policy for PermutedRegions {
     fn schedule(&self, work: &[Work], devices: &[CostModel]) -> Schedule {
         let sum = total(work);
         let all: f64 = devices.iter().map(|device| speed(device, &sum)).sum();
-        let mut order = spread(work.len());
+        let mut order = spread(work.len()).map(|task| task as TaskId);
         let mut reached = 0.0;
         let lists = devices.iter().map(|device| {
             let before = end(reached, work.len());
@@ -42,10 +42,10 @@ fn end(share: f64, tasks: usize) -> usize {
 
 /// The numbers below `count` in an order of which every stretch is spread over all of them: the radical inverse of J.
 /// van der Corput (1935).
-fn spread(count: usize) -> impl Iterator<Item = TaskId> {
+pub(crate) fn spread(count: usize) -> impl Iterator<Item = usize> {
     let bits = count.next_power_of_two().trailing_zeros();
     let reversed = move |i: usize| if bits == 0 { i } else { i.reverse_bits() >> (usize::BITS - bits) };
-    (0..count.next_power_of_two()).map(reversed).filter(move |&task| task < count).map(|task| task as TaskId)
+    (0..count.next_power_of_two()).map(reversed).filter(move |&place| place < count)
 }
 
 #[cfg(test)]

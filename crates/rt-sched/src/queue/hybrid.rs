@@ -4,7 +4,7 @@ use super::ledger::Ledger;
 use super::pace::{Found, Paces};
 use super::slots::Slots;
 use super::{Pop, TaskQueue};
-use crate::Schedule;
+use crate::{Schedule, policy};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -85,16 +85,12 @@ pub struct HybridQueue {
 /// known of them, so a launch of neighbours may be several times as expensive as another, and says nothing of a
 /// device's speed.
 ///
-/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches; those groups come in the order of the radical
-/// inverse of J. van der Corput (1935).
+/// Neighbouring tasks stay together by [`NEIGHBOURS`], for the caches.
 fn spread(list: &[TaskId], work: &[Work]) -> Vec<TaskId> {
     let of = |task: TaskId| work.get(task as usize);
     let mut out = Vec::with_capacity(list.len());
     for alike in list.chunk_by(|&a, &b| of(a) == of(b)) {
-        let groups = alike.len().div_ceil(NEIGHBOURS);
-        let bits = groups.next_power_of_two().trailing_zeros();
-        let reversed = |i: usize| if bits == 0 { i } else { i.reverse_bits() >> (usize::BITS - bits) };
-        let places = (0..groups.next_power_of_two()).map(reversed).filter(|&place| place < groups);
+        let places = policy::spread(alike.len().div_ceil(NEIGHBOURS));
         out.extend(places.flat_map(|place| alike.iter().skip(place * NEIGHBOURS).take(NEIGHBOURS)));
     }
     out
@@ -199,9 +195,10 @@ impl HybridQueue {
     }
 
     /// Takes a share of the tasks of the device that would end last, among some of those that have any; if it `must`,
-    /// of all devices, and at least one task.
-    fn steal(&self, thief: usize, must: bool) -> Option<Range<u32>> {
-        let own = self.paces.of(thief);
+    /// of all devices, and at least one task. The thief has a share of the stream more to do than it has in flight.
+    fn steal(&self, thief: usize, more: f64, must: bool) -> Option<Range<u32>> {
+        let mut own = self.paces.of(thief);
+        own.until += more / own.speed;
         loop {
             let mut best: Option<(f64, usize, Range<u32>, u32)> = None;
             let mut look = |victim: usize| {
@@ -234,9 +231,9 @@ impl HybridQueue {
         }
     }
 
-    /// Claims the positions of the next launch from another device's range.
-    fn claim(&self, device: usize, must: bool) -> Range<u32> {
-        let Some(stolen) = self.steal(device, must) else { return 0..0 };
+    /// Claims the positions of the next launch from another device's range, beside `more` that it will take.
+    fn claim(&self, device: usize, more: f64, must: bool) -> Range<u32> {
+        let Some(stolen) = self.steal(device, more, must) else { return 0..0 };
         let cut = stolen.start + self.launch_size(device, &stolen);
         // The rest becomes the device's own, where others can steal it in turn. If another thread has just refilled
         // this device, all of it is launched.
@@ -249,8 +246,19 @@ impl HybridQueue {
         out.extend_from_slice(self.slots.tasks(own));
         // Orphans are counted, not priced: half of an equal share, as S. Flynn Hummel, E. Schonberg and L. Flynn,
         // *Factoring* (1992) deal iterations of unknown cost.
-        if out.is_empty() && !self.ledger.adopt(|orphans| orphans.div_ceil(2 * self.ledger.alive().max(1)), out) {
-            out.extend_from_slice(self.slots.tasks(self.claim(device, must)));
+        if !out.is_empty() || self.ledger.adopt(|orphans| orphans.div_ceil(2 * self.ledger.alive().max(1)), out) {
+            return;
+        }
+        // From one device after the other, until what was stolen is worth a launch.
+        let mut more = 0.0;
+        loop {
+            let stolen = self.claim(device, more, must && out.is_empty());
+            more += self.share(&stolen);
+            out.extend_from_slice(self.slots.tasks(stolen.clone()));
+            let enough = more >= self.paces.price(device).min(self.fair(device));
+            if stolen.is_empty() || enough || !self.slots.range(device).is_empty() {
+                return;
+            }
         }
     }
 }

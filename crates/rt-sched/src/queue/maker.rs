@@ -1,6 +1,6 @@
 //! What makes a queue for each stream: the seam for a queue of one's own.
 
-use super::pace::mending_launches;
+use super::pace::does_mend;
 use super::{CentralQueue, HybridQueue, StaticQueue, TaskQueue};
 use crate::Schedule;
 use crate::policy::{Policy, mean_model};
@@ -136,7 +136,10 @@ impl QueueMaker for QueueKind {
         match self {
             Self::Static => false,
             Self::Central => true,
-            Self::Hybrid => mending_launches(regime.tasks as f64 / regime.devices.max(1) as f64, regime.launch) > 1.0,
+            Self::Hybrid => {
+                let tasks = regime.tasks as f64 / regime.devices.max(1) as f64;
+                does_mend(tasks, regime.devices, regime.launch)
+            }
         }
     }
 

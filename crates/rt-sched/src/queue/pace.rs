@@ -34,7 +34,7 @@ const SPENT: f64 = 1.0 / 8.0;
 const LONGER: f64 = 2.0;
 
 /// Fewest launches of a list that is launched in several.
-const FEWEST: f64 = 8.0;
+const FEWEST: f64 = 12.0;
 
 /// Part of the standard deviation that lists have whose tasks are from all over the picture, where nothing is known of
 /// those: as in [`crate::uninformed::fixed_excess`].
@@ -111,16 +111,17 @@ impl Pace {
     }
 }
 
-/// How many launches a list of so many tasks is worth that deviates by `deviation`, where one costs `price`, both as a
-/// share of it.
-fn mending(tasks: f64, deviation: f64, price: f64) -> f64 {
-    let launches = SPENT * deviation / price;
-    if launches < FEWEST.min(tasks) { 1.0 } else { launches }
+/// How many launches a share of the stream is worth to each of so many devices, whose costs deviate by `deviation` and
+/// whose speed may by `doubt`, where a launch costs `price`, all as shares of the stream. What is to be mended is by
+/// how much the latest list of all is late: some √(2 ln m) deviations, as in [`crate::uninformed::fixed_excess`].
+fn mending(devices: usize, deviation: f64, doubt: f64, price: f64) -> f64 {
+    SPENT * (libm::sqrt(2.0 * libm::log(devices as f64)).max(1.0) * deviation + doubt) / price
 }
 
-/// The same of a list of so many tasks of which nothing is known.
-pub(crate) fn mending_launches(tasks: f64, price: f64) -> f64 {
-    mending(tasks, SPREAD * UNKNOWN / libm::sqrt(tasks) + SPEED_ERROR, price)
+/// Whether a list of so many tasks of which nothing is known is launched in several, where a launch costs `price` of
+/// it.
+pub(crate) fn does_mend(tasks: f64, devices: usize, price: f64) -> bool {
+    mending(devices, SPREAD * UNKNOWN / libm::sqrt(tasks), SPEED_ERROR, price) >= FEWEST.min(tasks)
 }
 
 /// What is to be thought of a device at some moment.
@@ -251,11 +252,13 @@ impl Paces {
             return (1.0 / part, part);
         }
         let doubt = if self.noise > 0.0 { SPEED_ERROR } else { 0.0 };
-        let tasks = share / self.mean_share();
-        let launches = mending(tasks, spread * self.std_deviation(share) / share + doubt, price / share);
-        if launches <= 1.0 {
+        let launches = |share| mending(self.devices.len(), spread * self.std_deviation(share), doubt * share, price);
+        // Decided by all that the device will do, not by what is left, or the rest would be launched in one.
+        let whole = share.max(self.all * self.of(device).speed / self.overview.speed());
+        if launches(whole) < FEWEST.min(whole / self.mean_share()) {
             return (1.0, 1.0);
         }
+        let launches = launches(share).max(1.0);
         let rest = (price / self.noise) * (price / self.noise) / (self.mean_share() * share);
         // Nothing is smaller than a task.
         let rest = rest.max(self.mean_share() / share).min(1.0);
@@ -265,7 +268,7 @@ impl Paces {
     /// What a launch costs a device beside its tasks, as a share of the stream that it could do meanwhile: as
     /// predicted, or where nothing was, as launches were found to take. (Where costs were estimated, tasks that were
     /// taken for too cheap look like short launches that take long.)
-    fn price(&self, device: usize) -> f64 {
+    pub(crate) fn price(&self, device: usize) -> f64 {
         let pace = &self.devices[device];
         if self.is_anything_known() {
             return pace.launch_s * pace.speed;

@@ -438,3 +438,16 @@ fn a_slow_device_takes_the_last_task_only_from_the_lost() {
     queue.retire(1, &[]);
     assert_eq!(queue.pop(0, &mut out), Pop::Launch);
 }
+
+/// Mutants: `NEIGHBOURS` of 1; groups in their own order.
+#[test]
+fn neighbours_stay_together_and_groups_are_spread() {
+    let (work, models) = (vec![Work::new(64.0, 0.0, 0.0); 64], [CostModel::UNIT]);
+    let queue = HybridQueue::new(&Lpt.schedule(&work, &models), &work, &models);
+    let (mut order, mut out) = (Vec::new(), Vec::new());
+    while queue.pop(0, &mut out) == Pop::Launch {
+        queue.finish(0, &out);
+        order.extend_from_slice(&out);
+    }
+    assert!(order.iter().copied().eq((0..16).chain(32..48).chain(16..32).chain(48..64)), "{order:?}");
+}

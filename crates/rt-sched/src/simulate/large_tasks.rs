@@ -1,17 +1,14 @@
 //! Streams whose caller cut them into a few large tasks: the default must not lose by what it is given.
 
-use super::regimes::turns;
+use super::regimes::{told, turns};
 use super::tests::{image, models};
 use super::*;
 use crate::cut::finer;
 use crate::estimate::Auto;
 use crate::policy::{Lpt, Policy};
-use crate::queue::{HybridQueue, QueueKind, QueueMaker};
-use crate::uninformed::Regime;
+use crate::queue::HybridQueue;
 use proptest::prelude::*;
-use rt_core::{
-    Coherence, CostEstimator, CostModel, Observation, RayStream, Step, StreamKind, Task, TestCounts, Work, tasks_of,
-};
+use rt_core::{CostEstimator, CostModel, Observation, Step, StreamKind, Task, TestCounts, Work, tasks_of};
 use std::eprintln;
 
 /// Rays whose costs are alike: fewer than a task has.
@@ -60,21 +57,8 @@ impl Picture {
 
     /// What the default expects of tasks, its counts being those of the rays it asks for.
     fn estimated(&self, tasks: &[Task], speeds: &[f64], are_speeds_known: bool) -> Vec<Work> {
-        let queue: &dyn QueueMaker = &QueueKind::Hybrid;
         let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
-        let regime = Regime { tasks: tasks.len(), devices: speeds.len(), are_speeds_known, are_alike, launch: 0.0 };
-        let stream = RayStream {
-            kind: StreamKind::Primary,
-            coherence: Coherence::Unknown,
-            tasks,
-            seed: 1,
-            wave: 0,
-            source: None,
-            devices: speeds.len() as u32,
-            uninformed_excess: queue.uninformed_excess(&regime),
-            moves: queue.moves(&regime),
-            has_walks: true,
-        };
+        let stream = told(StreamKind::Primary, tasks, speeds.len(), are_speeds_known, are_alike);
         let mut auto = Auto::default();
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         loop {

@@ -5,13 +5,14 @@ use super::options::Options;
 use super::truth::Truth;
 use anyhow::Result;
 use rt_balance::Scheduling;
-use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
+use rt_balance::catalogue::{Entry, Make};
 use rt_balance::replay::{Observed, Replay};
 use rt_core::{
     Coherence, CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step,
     StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
 use rt_lab::contenders::MACHINES;
+use rt_lab::estimators;
 use rt_report::usage::usage;
 use rt_sched::calibrate::cross_predicted;
 use rt_sched::estimate::interval_95;
@@ -133,7 +134,7 @@ impl Case {
             let one_in = ONE_IN.into_iter().filter(move |&n| n <= most).chain(every);
             one_in.filter_map(|n| entry.with(1.0 / f64::from(n))).collect::<Vec<_>>()
         };
-        let chosen = ESTIMATORS.iter().flat_map(|entry| match entry.make {
+        let chosen = estimators::all().iter().flat_map(|entry| match entry.make {
             Make::Sampling(..) => sampling(entry),
             _ => vec![entry.usual()],
         });

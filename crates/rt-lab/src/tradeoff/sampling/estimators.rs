@@ -1,6 +1,7 @@
 //! The estimators that are swept: those of the catalogue that take a share.
 
-use rt_balance::catalogue::{ESTIMATORS, Entry, Make};
+use crate::estimators;
+use rt_balance::catalogue::{Entry, Make};
 use rt_core::{
     Coherence, CostEstimator, CountsToken, LaunchRecord, Observation, RayStream, Step, StreamKind, StreamRecord, Walk,
 };
@@ -30,7 +31,7 @@ pub(super) const EXACT: &str = "exact";
 
 /// All of them. `history` is none: of streams that it has not seen it knows what `exact` does.
 pub(super) fn kinds() -> impl Iterator<Item = Kind> {
-    let swept = ESTIMATORS.iter().filter(|entry| entry.with(1.0).is_some() && entry.name != "history");
+    let swept = estimators::all().iter().filter(|entry| entry.with(1.0).is_some() && entry.name != "history");
     swept.flat_map(|entry| {
         let other = (entry.name == EXACT).then_some(Choice::Other);
         std::iter::once(Choice::Own).chain(other).map(move |sampler| Kind { entry, sampler })
@@ -147,7 +148,7 @@ mod tests {
     #[test]
     fn every_estimator_that_takes_a_share_is_swept() {
         let names: Vec<String> = kinds().map(|kind| kind.name()).collect();
-        for entry in ESTIMATORS {
+        for entry in estimators::all() {
             let is_swept = !["auto", "uniform", "history"].contains(&entry.name);
             assert_eq!(names.iter().any(|name| name == entry.name), is_swept, "{}", entry.name);
         }

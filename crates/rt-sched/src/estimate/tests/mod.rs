@@ -1,7 +1,6 @@
 //! Estimators against counts that are known.
 
 mod choosing;
-mod learned;
 
 use super::*;
 use crate::sample::{Fraction, RaySampler};
@@ -10,8 +9,8 @@ use alloc::vec;
 use alloc::vec::Vec;
 use proptest::prelude::*;
 use rt_core::{
-    Coherence, CostModel, LaunchRecord, ReducedWalk, StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Walk,
-    random, tasks_of,
+    Coherence, LaunchRecord, ReducedWalk, StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Walk, random,
+    tasks_of,
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {

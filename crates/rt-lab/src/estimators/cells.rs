@@ -1,7 +1,5 @@
 //! The cells of a cost field: hash tables of fixed size, coarse to fine.
 
-use alloc::vec;
-use alloc::vec::Vec;
 use glam::Vec3;
 use rt_core::Ray;
 
@@ -25,7 +23,7 @@ impl Heading {
         let folded = if flat.z >= 0.0 {
             [flat.x, flat.y]
         } else {
-            [(1.0 - flat.y.abs()).copysign(flat.x), (1.0 - flat.x.abs()).copysign(flat.y)]
+            [(1.0_f32 - flat.y.abs()).copysign(flat.x), (1.0_f32 - flat.x.abs()).copysign(flat.y)]
         };
         // Conversions saturate; NaN is 0.
         Self { position: ray.origin, direction: folded.map(|x| (x * 127.5 + 127.5) as u8) }
@@ -115,7 +113,7 @@ impl Cells {
         let side = (max - min).max_element();
         let scale = if side > 0.0 && side.is_finite() && (1.0 / side).is_finite() { 1.0 / side } else { 0.0 };
         let corner = if scale > 0.0 { min } else { Vec3::ZERO };
-        Self { corner, scale, levels: core::array::from_fn(|_| vec![Cell::default(); CAPACITY]) }
+        Self { corner, scale, levels: std::array::from_fn(|_| vec![Cell::default(); CAPACITY]) }
     }
 
     /// Lets all that was learned count less.

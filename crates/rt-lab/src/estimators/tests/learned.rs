@@ -5,13 +5,13 @@ use glam::Vec3;
 use rt_core::{Ray, RaySource};
 
 /// Rays that start on a square, in Z-curve order of a 128 × 128 grid with `per_cell` rays each, in random directions.
-pub(super) fn bounced(per_cell: u32) -> RaySource {
+fn bounced(per_cell: u32) -> RaySource {
     bounced_in(per_cell, |cell| cell)
 }
 
 /// The same in an order in which `block` cells, a power of two, follow upon others that lie elsewhere: neighbours in
 /// the stream know nothing of each other.
-pub(super) fn scattered(per_cell: u32, block: u32) -> RaySource {
+fn scattered(per_cell: u32, block: u32) -> RaySource {
     bounced_in(per_cell, |cell| (cell / block * 101) % (128 * 128 / block) * block + cell % block)
 }
 
@@ -27,9 +27,9 @@ fn bounced_in(per_cell: u32, cell: impl Fn(u32) -> u32) -> RaySource {
 }
 
 /// Expensive where the square is cluttered, and in directions that look towards the clutter; noisy.
-pub(super) fn cost(source: &RaySource, ray: u32) -> TestCounts {
+fn cost(source: &RaySource, ray: u32) -> TestCounts {
     let (r, _) = source.ray(ray);
-    let place = 40.0 * libm::sinf(r.origin.x / 20.0) * libm::sinf(r.origin.y / 14.0);
+    let place = 40.0 * (r.origin.x / 20.0).sin() * (r.origin.y / 14.0).sin();
     let looks = 30.0 * r.direction.normalize().x;
     let [noise, _] = random::pair(22, ray, 0);
     TestCounts { boxes: (90.0 + place + looks + 20.0 * noise) as u32, triangles: (8.0 + 4.0 * noise) as u32 }

@@ -1,14 +1,12 @@
 //! Costs from a map of where in the scene rays are expensive.
 
-use super::batch::{Asked, Batch, Divergence, scaled_up};
 use super::cells::{Cell, Cells, Heading, NO_SLOT, Place};
-use crate::sample::Fraction;
-use alloc::vec;
-use alloc::vec::Vec;
-use core::ops::Range;
 use rt_core::{
     CostEstimator, Observation, RaySource, RayStream, Step, StreamKind, Task, TestCounts, Walk, Work, random, tasks_of,
 };
+use rt_sched::estimate::batch::{Asked, Batch, Divergence, scaled_up};
+use rt_sched::sample::Fraction;
+use std::ops::Range;
 
 /// Learns where in the scene, and in which direction, rays are expensive, and corrects that by each task's own samples.
 ///
@@ -23,12 +21,12 @@ use rt_core::{
 /// Where rays are coherent and every task has a sample, the map is not asked: those samples are spread so evenly that
 /// it only adds errors. With 4, 8 and 16 samples for each 1,024 primary rays of four scenes its mean error was 1.3 to
 /// 3.8 times theirs when it was new and 1.1 to 2.1 times when it had seen two streams (`--bin coverage`); so these are
-/// scaled up as by [`super::Sampled`].
+/// scaled up as by [`rt_sched::estimate::Sampled`].
 ///
 /// Price: the walks of its sample, whose hits are kept; on one thread of the host some 0.2 µs a sample to learn and
 /// 0.05 µs for one ray in 32 to look up; 2 MB for each kind of stream.
 #[derive(Clone, Debug)]
-pub struct Field {
+pub(crate) struct Field {
     fraction: Fraction,
     fields: Fields,
     asked: Asked,
@@ -36,8 +34,7 @@ pub struct Field {
 
 impl Field {
     /// An estimator that walks `fraction` of the rays in full.
-    #[must_use]
-    pub fn new(fraction: Fraction) -> Self {
+    pub(crate) fn new(fraction: Fraction) -> Self {
         Self { fraction, fields: Fields::default(), asked: Asked::default() }
     }
 }
@@ -108,7 +105,7 @@ impl Fields {
     /// The work of each task, after learning from the samples. Without the rays themselves, plain extrapolation.
     pub(super) fn estimate(&mut self, batch: &Batch<'_>) -> Vec<Work> {
         let Some(source) = batch.stream.source else { return batch.extrapolated() };
-        if batch.stream.is_coherent() && batch.reaches_all() {
+        if batch.stream.is_coherent() && reaches_all(batch) {
             return batch.extrapolated();
         }
         let class = Class::of(batch.stream.kind);
@@ -118,6 +115,11 @@ impl Fields {
         });
         self.fields[at].1.estimate(batch, source)
     }
+}
+
+/// Whether every task that has rays has a sample.
+fn reaches_all(batch: &Batch<'_>) -> bool {
+    batch.tasks().all(|(task, rays, _)| task.rays == 0 || !rays.is_empty())
 }
 
 /// Of so many rays of a task, one is looked up in the map beside the sampled ones; their mean stands for the task's.
@@ -226,7 +228,7 @@ impl CostField {
         let population = f64::from(task.rays);
         let unwalked = 1.0 - n / population;
         let looked = map_variance / looked_up * (1.0 - looked_up / population).max(0.0);
-        work.with_std_error((population * libm::sqrt((own_variance + looked) * unwalked)) as f32)
+        work.with_std_error((population * ((own_variance + looked) * unwalked).sqrt()) as f32)
     }
 
     fn predict(&self, heading: &Heading) -> [f32; 2] {

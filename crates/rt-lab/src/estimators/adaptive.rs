@@ -1,11 +1,10 @@
 //! Costs from as many samples as they are worth.
 
-use super::batch::{Batch, Pool, tests};
-use super::price::{Price, WalkPrices};
-use crate::sample::{Fraction, RaySampler};
-use alloc::vec;
-use alloc::vec::Vec;
+use super::growing;
 use rt_core::{CostEstimator, Observation, RayStream, Step, StreamRecord, TestCounts, Walk, Work};
+use rt_sched::estimate::batch::{Batch, Pool, std_error, tests};
+use rt_sched::estimate::price::{Price, WalkPrices};
+use rt_sched::sample::{Fraction, RaySampler};
 
 /// Samples exact counts where their error is largest, and stops when more samples cost more than they gain.
 ///
@@ -27,7 +26,7 @@ use rt_core::{CostEstimator, Observation, RayStream, Step, StreamRecord, TestCou
 ///
 /// Price: the walks; two to three hand-overs to the devices instead of one.
 #[derive(Clone, Debug)]
-pub struct Adaptive {
+pub(crate) struct Adaptive {
     first: Fraction,
     prices: WalkPrices,
     open: Option<Open>,
@@ -53,8 +52,7 @@ const ROUND: f64 = 50.0;
 
 impl Adaptive {
     /// An estimator whose first sample is `first` of the rays.
-    #[must_use]
-    pub fn new(first: Fraction) -> Self {
+    pub(crate) fn new(first: Fraction) -> Self {
         Self { first, prices: WalkPrices::default(), open: None }
     }
 
@@ -85,7 +83,7 @@ impl Open {
         for ((task, old), new) in stream.tasks.iter().zip(&self.taken).zip(&wanted) {
             let first = rays.len();
             let more = new.saturating_sub(*old) as usize;
-            rays.extend(sampler.order(*task, stream.seed).skip(*old as usize).take(more));
+            rays.extend(growing::order(sampler, *task, stream.seed).skip(*old as usize).take(more));
             // Along the stream's order, where neighbours are walked with neighbours.
             rays[first..].sort_unstable();
         }
@@ -122,19 +120,19 @@ impl Open {
             at = own.end;
             let of_ray = pool.variance(own, sample, sampler, BORROWED)?;
             let all = f64::from(task.rays);
-            spread.push(all * libm::sqrt(of_ray));
-            let error = super::batch::std_error(of_ray, sample.len(), task.rays);
+            spread.push(all * of_ray.sqrt());
+            let error = std_error(of_ray, sample.len(), task.rays);
             variance += if task.rays > 0 { error * error } else { 0.0 };
         }
         let sum: f64 = spread.iter().sum();
         let n = self.counts.len() as f64;
         let of_ray = self.counts.iter().map(tests).sum::<f64>() / n;
-        let late = libm::sqrt(2.0 * libm::log(devices) / devices);
+        let late = (2.0 * devices.ln() / devices).sqrt();
         let sample_cost = price.beyond() * of_ray / devices;
-        let best = libm::cbrt(libm::pow(late * sum / (2.0 * sample_cost), 2.0));
+        let best = (late * sum / (2.0 * sample_cost)).powi(2).cbrt();
         // Nobody can gain more than what a schedule without any estimate loses.
         let most = stream.uninformed_excess * of_ray * f64::from(stream.rays()) / devices;
-        let gain = (late * (libm::sqrt(variance) - sum / libm::sqrt(best))).min(most);
+        let gain = (late * (variance.sqrt() - sum / best.sqrt())).min(most);
         let cost = (best - n) * sample_cost + ROUND * of_ray;
         if best <= n || gain <= cost || gain.is_nan() {
             return None;
