@@ -1,5 +1,5 @@
-//! Checks in rounds: those of one round run two at a time, since most wait now and then, for a chain of crates, a browser,
-//! other processes or a device.
+//! Checks in rounds: those of one round run two at a time, since most wait now and then, for a chain of crates, a
+//! browser, other processes or a device.
 
 use crate::command::{run, say, shown};
 use anyhow::{Context, Error, Result, bail};
@@ -53,7 +53,8 @@ enum Outcome {
     NotRun(&'static str),
 }
 
-/// Runs the rounds in order, and none after one in which a step failed. The error is that of the first step that failed.
+/// Runs the rounds in order, and none after one in which a step failed. The error is that of the first step that
+/// failed.
 pub(crate) fn run_all(rounds: Vec<Vec<Step>>, begin: Instant) -> Result<()> {
     let total = rounds.iter().map(Vec::len).sum();
     let mut ended = Vec::new();
@@ -72,9 +73,9 @@ pub(crate) fn run_all(rounds: Vec<Vec<Step>>, begin: Instant) -> Result<()> {
     failure.map_or(Ok(()), Err)
 }
 
-/// Starts the steps of a round in order, and none after one has failed; returns those that were started, in the order in
-/// which they ended. Of programs the first one writes to the terminal as it goes; what others write beside it is shown
-/// when they end. `done` of `total` steps were before.
+/// Starts the steps of a round in order, and none after one has failed; returns those that were started, in the order
+/// in which they ended. Of programs the first one writes to the terminal as it goes; what others write beside it is
+/// shown when they end. `done` of `total` steps were before.
 fn run_round(steps: Vec<Step>, done: usize, total: usize) -> Vec<(String, Outcome)> {
     let waiting = Mutex::new(steps.into_iter().enumerate().collect::<VecDeque<_>>());
     let ended = Mutex::new(Vec::new());

@@ -29,8 +29,8 @@ pub enum Builder {
     /// where it costs less.
     #[default]
     Sah,
-    /// The same with all nodes, twice: for scenes that are traced long. Scattered rays visit 2 to 18% fewer nodes of it,
-    /// and it takes about five times as long to build.
+    /// The same with all nodes, twice: for scenes that are traced long. Scattered rays visit 2 to 18% fewer nodes than
+    /// without either, and it takes about five times as long to build.
     SahSlow,
     /// Bottom-up locally ordered clustering and reinsertion.
     Ploc(PlocQuality),
