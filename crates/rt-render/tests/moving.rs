@@ -121,7 +121,7 @@ fn frames_in_the_wind_are_those_of_scenes_built_for_them_and_history_goes_on() {
 /// Mutants: a tree that is fitted whatever it costs then; an estimator that begins anew with another tree.
 #[test]
 fn a_hurricane_has_the_tree_built_anew_and_history_goes_on() {
-    let (reports, updates) = played("60".parse().expect("a strength"), [0, 3, 4], |_, _, _, _, _| {});
+    let (reports, updates) = played("40".parse().expect("a strength"), [0, 3, 4], |_, _, _, _, _| {});
     let [first, second] = &updates[..] else { panic!("two updates: {updates:?}") };
     assert_eq!([first, second].map(|update| (update.frame, update.tree)), [(3, "rebuilt"), (4, "fitted")]);
     assert!(first.growth > Some(MOST_GROWTH) && first.build_s > 0.0 && first.why.is_some(), "{first:?}");
