@@ -3,9 +3,9 @@
 use crate::lifelines::Lifelines;
 use rt_balance::catalogue::{ESTIMATORS, Estimator, POLICIES, find};
 use rt_balance::policies::Policy;
+use rt_balance::queues::QueueMaker;
 use rt_balance::{QueueKind, Scheduling};
 use rt_core::CostEstimator;
-use rt_sched::queue::QueueMaker;
 
 /// One of them.
 #[derive(Clone, Copy, Debug)]

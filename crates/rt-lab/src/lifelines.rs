@@ -1,7 +1,7 @@
 //! A rival: work stealing with lifelines.
 
+use rt_balance::queues::{Dealt, Needs, Pop, QueueMaker, TaskQueue};
 use rt_core::TaskId;
-use rt_sched::queue::{Dealt, Needs, Pop, QueueMaker, TaskQueue};
 use rt_sched::uninformed::Regime;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -148,14 +148,15 @@ impl TaskQueue for Lifeline {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rt_balance::catalogue::{POLICIES, find};
     use rt_core::{CostModel, Work};
     use rt_sched::bound;
-    use rt_sched::policy::{Block, Policy};
     use rt_sched::simulate::Simulation;
 
     fn queue(tasks: usize, devices: usize) -> Box<dyn TaskQueue> {
         let (work, models) = (vec![Work::new(1.0, 1.0, 0.0); tasks], vec![CostModel::UNIT; devices]);
-        Lifelines.make(Dealt { schedule: &Block.schedule(&work, &models), work: &work, devices: &models })
+        let block = (find(POLICIES, "block").expect("the catalogue has it").make)();
+        Lifelines.make(Dealt { schedule: &block.schedule(&work, &models), work: &work, devices: &models })
     }
 
     /// Mutants: launches of a third; a theft of all; a theft from the front; only lifelines that are stolen from, which

@@ -21,7 +21,7 @@ use std::ops::Range;
 /// Where rays are coherent and every task has a sample, the map is not asked: those samples are spread so evenly that
 /// it only adds errors. With 4, 8 and 16 samples for each 1,024 primary rays of four scenes its mean error was 1.3 to
 /// 3.8 times theirs when it was new and 1.1 to 2.1 times when it had seen two streams (`--bin coverage`); so these are
-/// scaled up as by [`rt_sched::estimate::Sampled`].
+/// scaled up as by the estimator `exact`.
 ///
 /// Price: the walks of its sample, whose hits are kept; on one thread of the host some 0.2 µs a sample to learn and
 /// 0.05 µs for one ray in 32 to look up; 2 MB for each kind of stream.

@@ -56,7 +56,7 @@ fn small_diffuse_tasks_are_rescued() {
         let tasks = tasks_of(source.len(), size);
         let stream = RayStream { source: Some(&source), ..super::stream(StreamKind::Diffuse(0), &tasks, 3) };
         let fraction = Fraction::SIXTY_FOURTH;
-        let (plain, _) = estimate(&mut Sampled::new(Walk::Full, fraction), stream, &counts);
+        let (plain, _) = estimate(&mut *exact(fraction), stream, &counts);
         let mut field = Field::new(fraction);
         let (first, walked) = estimate(&mut field, stream, &counts);
         assert_eq!(walked as u32, fraction.of(source.len()));
@@ -117,7 +117,7 @@ fn coherent_tasks_speak_for_themselves() {
     let estimates = |size| {
         let tasks = tasks_of(source.len(), size);
         let stream = RayStream { source: Some(&source), ..super::stream(StreamKind::Primary, &tasks, 3) };
-        let (plain, _) = estimate(&mut Sampled::default(), stream, &counts);
+        let (plain, _) = estimate(&mut *exact(Fraction::SIXTY_FOURTH), stream, &counts);
         (estimate(&mut Field::default(), stream, &counts).0, plain)
     };
     let (map, plain) = estimates(64);
@@ -140,7 +140,7 @@ fn tasks_smaller_than_a_sample_share_samples() {
 fn without_rays_the_map_is_a_plain_sample() {
     let tasks = tasks_of(4_096, 256);
     let stream = super::stream(StreamKind::Diffuse(0), &tasks, 3);
-    let plain = estimate(&mut Sampled::default(), stream, &diffuse);
+    let plain = estimate(&mut *exact(Fraction::SIXTY_FOURTH), stream, &diffuse);
     assert_eq!(estimate(&mut Field::default(), stream, &diffuse), plain);
 }
 

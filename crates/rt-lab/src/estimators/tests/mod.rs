@@ -7,9 +7,8 @@ use super::*;
 use proptest::prelude::*;
 use rt_core::{
     Coherence, CostEstimator, CostModel, Observation, RayStream, Step, StreamKind, StreamRecord, Task, TestCounts,
-    Walk, Work, random, tasks_of,
+    Work, random, tasks_of,
 };
-use rt_sched::estimate::Sampled;
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
     RayStream {
@@ -24,6 +23,12 @@ fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
         moves: true,
         has_walks: true,
     }
+}
+
+/// The estimator that the tried ones are to be better than.
+fn exact(fraction: Fraction) -> Box<dyn CostEstimator> {
+    let entry = catalogue::find(catalogue::ESTIMATORS, "exact").expect("the catalogue has it");
+    entry.sampling(fraction).expect("it takes a share").make()
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.

@@ -1,8 +1,8 @@
 //! How much to sample.
 
 use super::*;
-use rt_sched::policy::{Lpt, Policy};
-use rt_sched::queue::StaticQueue;
+use rt_balance::QueueKind;
+use rt_balance::queues::{Dealt, QueueMaker};
 use rt_sched::simulate::Simulation;
 
 /// A stream of 256 tasks, most of which cost little and alike; a tenth of it is expensive and noisy.
@@ -28,9 +28,12 @@ fn makespan(estimator: &mut dyn CostEstimator, devices: u32, price: f64, seed: u
     });
     let truths: Vec<f64> = tasks.iter().map(|&task| truth(task, &patchy)).collect();
     let models = vec![CostModel::UNIT; devices as usize];
-    let queue = StaticQueue::new(&Lpt.schedule(&work, &models));
+    let maker: &dyn QueueMaker = &QueueKind::Static;
+    let lpt = (catalogue::POLICIES[0].make)();
+    let schedule = maker.deal(&*lpt, &work, &models).expect("it deals all");
+    let queue = maker.make(Dealt { schedule: &schedule, work: &work, devices: &models });
     let simulation = Simulation { hand_over_s: 0.0, pop_s: 0.0, ..Simulation::default() };
-    let run = simulation.run(&queue, devices as usize, &|_, task| truths[task as usize]);
+    let run = simulation.run(&*queue, devices as usize, &|_, task| truths[task as usize]);
     let of_ray = truths.iter().sum::<f64>() / f64::from(stream.rays());
     run.makespan_s + walked as f64 * (price - 1.0) * of_ray / f64::from(devices)
 }
@@ -62,7 +65,7 @@ fn adaptive_samples_are_worth_their_price() {
         let adaptive = mean(&|| Box::new(Adaptive::default()), devices, price);
         let fixed = [1.0 / 256.0, 1.0 / 64.0, 1.0 / 16.0, 1.0 / 4.0].map(|f| {
             let fraction = Fraction::new(f).expect("valid");
-            mean(&|| Box::new(Sampled::new(Walk::Full, fraction)), devices, price)
+            mean(&|| exact(fraction), devices, price)
         });
         let best = fixed.iter().copied().fold(f64::INFINITY, f64::min);
         assert!(adaptive < bound * best, "{devices} devices, price {price}: {adaptive} against {fixed:?}");
