@@ -205,7 +205,7 @@ fn squares(sample: &[TestCounts], sampler: RaySampler) -> f64 {
 /// them in the stream's order.
 ///
 /// A sample that met no rare expensive ray claims to be certain, and few samples know nothing of their variance; their
-/// neighbours' differences, counted as [`BORROWED`] more, mend both. Differences between tasks count as if they lay
+/// neighbours' differences, counted as `BORROWED` more, mend both. Differences between tasks count as if they lay
 /// within one, which errs on the safe side.
 #[derive(Clone, Debug)]
 pub struct Pool {
@@ -237,7 +237,7 @@ const BORROWED: f64 = 8.0;
 /// Degrees of freedom of a pooled variance: successive differences overlap, so 32 of them are worth some two thirds.
 const POOLED_FREEDOM: f64 = 21.0;
 
-/// Degrees of freedom of [`Pool::variance`] for so many samples, and the least of [`Pool::wide`] (F. Satterthwaite, *An
+/// Degrees of freedom of [`Pool::variance`] for so many samples, and the least of `Pool::wide` (F. Satterthwaite, *An
 /// Approximate Distribution of Estimates of Variance Components*, 1946).
 pub fn freedom(samples: u32) -> f64 {
     let own = f64::from(samples.saturating_sub(1));
