@@ -113,7 +113,7 @@ fn draw(figure: &Figure) -> Result<Sheet, ReportError> {
         return Err(ReportError::Nothing("a figure without panels"));
     }
     let rows = figure.panels.len().div_ceil(2);
-    let top = 52.0 + NOTE * figure.notes.len() as f64 + 2.0 * LEGEND + 14.0;
+    let top = 52.0 + NOTE * figure.notes.len() as f64 + MEANINGS.len() as f64 * LEGEND + 14.0;
     let mut sheet = Sheet::new(WIDTH, top + rows as f64 * PANEL + 8.0);
     sheet.text(figure.title.as_str(), (MARGIN, 30.0), Look::title());
     let mut y = 56.0;
@@ -130,22 +130,23 @@ fn draw(figure: &Figure) -> Result<Sheet, ReportError> {
     Ok(sheet)
 }
 
+/// What colours mean, in rows.
+const MEANINGS: [&[(Rgb, &str)]; 3] = [
+    &[
+        (ORANGE, "static distributed queues, cost-initialised (LPT)"),
+        (BLUE, "central queue, cost-initialised"),
+        (VERMILION, "hybrid queue, cost-initialised"),
+    ],
+    &[
+        (ESTIMATION, "estimation, before it"),
+        (BLOCKS, "background: regular (static: contiguous blocks)"),
+        (ROUND_ROBIN, "regular, static, round robin"),
+    ],
+    &[(GREEN, "permuted regions (2019)"), (SKY, "stealing with lifelines (2011)")],
+];
+
 fn legend(sheet: &mut Sheet, top: f64) {
-    let rows: [&[(Rgb, &str)]; 2] = [
-        &[
-            (ORANGE, "static distributed queues, cost-initialised (LPT)"),
-            (BLUE, "central queue, cost-initialised"),
-            (VERMILION, "hybrid queue, cost-initialised"),
-            (ESTIMATION, "estimation, before it"),
-        ],
-        &[
-            (BLOCKS, "background: regular (static: contiguous blocks)"),
-            (ROUND_ROBIN, "regular, static, round robin"),
-            (GREEN, "permuted regions (2019)"),
-            (SKY, "stealing with lifelines (2011)"),
-        ],
-    ];
-    for (row, entries) in rows.iter().enumerate() {
+    for (row, entries) in MEANINGS.iter().enumerate() {
         let y = top + LEGEND * row as f64;
         let mut x = MARGIN;
         for (color, label) in *entries {
@@ -153,7 +154,7 @@ fn legend(sheet: &mut Sheet, top: f64) {
             sheet.text(*label, (x + 20.0, y), Look { size: 12.5, ..Look::default() });
             x += 20.0 + text_room(label, 12.5) + 22.0;
         }
-        if row == 0 {
+        if row + 1 == MEANINGS.len() {
             whisker(sheet, x + 6.0, [y - 7.0, y + 7.0], INK);
             sheet.text("interval of the median", (x + 18.0, y), Look { size: 12.5, ..Look::default() });
         }
