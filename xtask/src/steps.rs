@@ -39,11 +39,6 @@ impl Step {
     pub(crate) fn impossible(name: &str, reason: &'static str) -> Self {
         Self { name: name.to_owned(), check: Check::Impossible(reason) }
     }
-
-    /// The function where it `is_supported`, or else why it is not run.
-    pub(crate) fn if_supported(name: &str, is_supported: bool, function: fn() -> Result<()>, or: &'static str) -> Self {
-        if is_supported { Self::function(name, function) } else { Self::impossible(name, or) }
-    }
 }
 
 /// How a step ended.

@@ -51,7 +51,7 @@ pub fn build_with(
     let _environment = rt_fenv::Environment::enter();
     let mut gathered = gather::gather(mesh, options.invalid)?;
     let references = take(&mut gathered.references);
-    let mut control = Control::new(proceed, references.len() as u32);
+    let mut control = Control { proceed, done: 0, all: references.len() as u32, steps: 0, asked: 0 };
     let (tree, builder, fallback) = grow(references, options.builder, options.max_leaf.max(1), &mut control)?;
     let report = BuildReport {
         builder,
@@ -70,8 +70,6 @@ struct Control<'a> {
     proceed: &'a mut dyn FnMut(u32, u32) -> bool,
     done: u32,
     all: u32,
-    /// Triangles in their place.
-    placed: u32,
     steps: u64,
     /// Steps after which `proceed` was asked last.
     asked: u64,
@@ -80,11 +78,7 @@ struct Control<'a> {
 /// Steps between two words: some tenths of a millisecond.
 const WORD: u64 = 1 << 14;
 
-impl<'a> Control<'a> {
-    fn new(proceed: &'a mut dyn FnMut(u32, u32) -> bool, all: u32) -> Self {
-        Self { proceed, done: 0, all, placed: 0, steps: 0, asked: 0 }
-    }
-
+impl Control<'_> {
     /// So many more steps were taken.
     fn worked(&mut self, steps: u64) -> Result<(), BuildError> {
         self.steps += steps;
@@ -95,12 +89,6 @@ impl<'a> Control<'a> {
         if (self.proceed)(self.done, self.all) { Ok(()) } else { Err(BuildError::Cancelled) }
     }
 
-    /// So many more triangles are in their place; all of them would be this part of everything.
-    fn placed(&mut self, triangles: u32, part: f32) {
-        self.placed += triangles;
-        self.reached(part * (self.placed as f32 / self.all as f32));
-    }
-
     /// So much of everything is done.
     fn reached(&mut self, part: f32) {
         self.done = self.all.min((self.all as f32 * part) as u32);
@@ -108,7 +96,7 @@ impl<'a> Control<'a> {
 
     /// Nothing is done any more.
     fn restart(&mut self) {
-        (self.done, self.placed) = (0, 0);
+        self.done = 0;
     }
 }
 
@@ -145,19 +133,18 @@ fn grow(
     max_leaf: u32,
     control: &mut Control<'_>,
 ) -> Result<(Tree, Builder, Option<Fallback>), BuildError> {
-    let fallback = match builder {
-        Builder::Sah | Builder::SahSlow => None,
+    let (builder, fallback) = match builder {
+        Builder::Sah | Builder::SahSlow => (builder, None),
         Builder::Ploc(quality) => {
             if let Some(tree) = ploc::build(&references, quality, max_leaf, control)? {
                 return Ok((tree, builder, None));
             }
             control.restart();
-            Some(Fallback::TooDeep)
+            (Builder::Sah, Some(Fallback::TooDeep))
         }
     };
-    let thorough = builder == Builder::SahSlow;
-    let tree = sah::build(references, max_leaf, thorough, control)?;
-    Ok((tree, if thorough { builder } else { Builder::Sah }, fallback))
+    let tree = sah::build(references, max_leaf, builder == Builder::SahSlow, control)?;
+    Ok((tree, builder, fallback))
 }
 
 /// What a builder makes of references: nodes with their boxes, and the references' positions in leaf order.

@@ -150,17 +150,19 @@ fn grow(
         }
     }
     let mut subtrees = reserved(jobs.len(), "subtrees")?;
+    let (mut placed, triangles) = (0, jobs.iter().map(|(range, ..)| range.count).sum::<u32>());
     while !jobs.is_empty() {
         let wave: Vec<_> = jobs.drain(..WAVE.min(jobs.len())).collect();
         let mut steps = 0;
-        for (subtree, placed) in
+        for (subtree, count) in
             each(wave, |(range, own, depth)| (Subtree::grow(range, own, max_leaf, depth), range.count))
         {
             let subtree = subtree?;
             steps += subtree.steps;
-            control.placed(placed, all);
+            placed += count;
             subtrees.push(subtree);
         }
+        control.reached(all * (placed as f32 / triangles as f32));
         control.worked(steps)?;
     }
     Ok(subtrees)
