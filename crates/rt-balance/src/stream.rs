@@ -64,18 +64,15 @@ impl Stream {
     #[must_use]
     pub fn view(&self, devices: usize, uninformed_excess: f64, moves: bool) -> RayStream<'_> {
         let devices = u32::try_from(devices).unwrap_or(u32::MAX);
-        let (source, seed, wave) = (Some(&self.source), self.seed, self.wave);
         RayStream {
-            kind: self.kind,
             coherence: self.spec.coherence,
-            tasks: &self.tasks,
-            seed,
-            wave,
-            source,
+            seed: self.seed,
+            wave: self.wave,
+            source: Some(&self.source),
             devices,
             uninformed_excess,
             moves,
-            has_walks: true,
+            ..RayStream::new(self.kind, &self.tasks)
         }
     }
 

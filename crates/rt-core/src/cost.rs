@@ -263,6 +263,27 @@ pub struct RayStream<'a> {
     pub has_walks: bool,
 }
 
+impl<'a> RayStream<'a> {
+    /// A stream of which only its kind and its tasks are known, for one device: the first wave, seed 0, no rays at
+    /// hand, nothing said of coherence, everything to win from an estimate, tasks that move and a device that walks
+    /// samples. What is different is set by struct update.
+    #[must_use]
+    pub const fn new(kind: StreamKind, tasks: &'a [Task]) -> Self {
+        Self {
+            kind,
+            coherence: Coherence::Unknown,
+            tasks,
+            seed: 0,
+            wave: 0,
+            source: None,
+            devices: 1,
+            uninformed_excess: 1.0,
+            moves: true,
+            has_walks: true,
+        }
+    }
+}
+
 impl RayStream<'_> {
     /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well: as the caller
     /// says, or as the kind does.

@@ -17,7 +17,7 @@ use core::hint::black_box;
 use glam::Vec3;
 use rt_bvh::{BuildOptions, Mesh, Stack, build, count, trace};
 use rt_core::{
-    Camera, CameraRays, Coherence, CostEstimator, CostModel, Hit, Observation, Precision, Ray, RayStream, Scene, Step,
+    Camera, CameraRays, CostEstimator, CostModel, Hit, Observation, Precision, Ray, RayStream, Scene, Step,
     StreamKind, StreamSpec, Task, Triangle, Work, intersect, morton, tasks_of,
 };
 use rt_sched::estimate::Sampled;
@@ -68,18 +68,7 @@ fn camera_rays() -> Option<Vec<Ray>> {
 /// Asks an estimator, and walks the rays that it names.
 fn estimate(scene: &Scene, rays: &[Ray], tasks: &[Task]) -> Option<Vec<Work>> {
     let mut estimator = Sampled::new(rt_core::Walk::Full, Fraction::EIGHTH);
-    let stream = RayStream {
-        kind: StreamKind::Primary,
-        coherence: Coherence::Unknown,
-        tasks,
-        seed: 1,
-        wave: 0,
-        source: None,
-        devices: 2,
-        uninformed_excess: 1.0,
-        moves: true,
-        has_walks: true,
-    };
+    let stream = RayStream { devices: 2, ..RayStream::new(StreamKind::Primary, tasks) };
     let Step::Sample { rays: asked, walk } = estimator.next(stream, Observation::default()) else { return None };
     let mut counts = Vec::new();
     let samples = asked.iter().map(|&ray| (rays[ray as usize], u32::MAX));

@@ -22,8 +22,8 @@ use rt_balance::catalogue::{Estimator, find};
 use rt_balance::stats::median;
 use rt_bvh::{Builder, Stack};
 use rt_core::{
-    Coherence, CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step,
-    StreamKind, StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
+    CostEstimator, Observation, Precision, Query, Ray, RaySource, RayStream, ReducedWalk, Scene, Step, StreamKind,
+    StreamSpec, Task, TestCounts, Walk, Work, tasks_of,
 };
 use rt_lab::{arguments, estimators};
 use rt_report::Provenance;
@@ -241,18 +241,7 @@ impl Case {
     /// thread seconds of the estimator's own work.
     fn estimate(&self, estimator: &mut dyn CostEstimator, stream: &Stream, seed: u32) -> (Vec<Work>, Vec<u32>, f64) {
         let Stream { kind, source, tasks, .. } = stream;
-        let asked = RayStream {
-            kind: *kind,
-            coherence: Coherence::Unknown,
-            tasks,
-            seed,
-            wave: 0,
-            source: Some(source),
-            devices: 2,
-            uninformed_excess: 1.0,
-            moves: false,
-            has_walks: true,
-        };
+        let asked = RayStream { seed, source: Some(source), devices: 2, moves: false, ..RayStream::new(*kind, tasks) };
         let mut samples = vec![0; tasks.len()];
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         let mut host_s = 0.0;

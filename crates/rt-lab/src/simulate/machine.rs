@@ -7,7 +7,7 @@ use rt_balance::catalogue::ESTIMATORS;
 use rt_balance::replay::{Observed, Replay};
 use rt_cluster::Patience;
 use rt_cluster::simulate::{Scenario, SimulatedRank, simulate};
-use rt_core::{Coherence, Observation, RayStream, Step};
+use rt_core::{Observation, RayStream, Step};
 use rt_sched::bound;
 use rt_sched::uninformed::Regime;
 use serde::Serialize;
@@ -100,16 +100,10 @@ impl Machine {
         let (tasks, devices) = (recording.tasks(), self.speeds.len());
         let regime = Regime { tasks: tasks.len(), devices, are_speeds_known: false, are_alike, launch: 0.0 };
         let stream = RayStream {
-            kind: recording.kind,
-            coherence: Coherence::Unknown,
-            tasks: &tasks,
-            seed: 0,
-            wave: 0,
-            source: None,
             devices: devices as u32,
             uninformed_excess: queue.uninformed_excess(&regime),
             moves: queue.moves(&regime),
-            has_walks: true,
+            ..RayStream::new(recording.kind, &tasks)
         };
         matches!(estimator.next(stream, Observation::default()), Step::Sample { .. })
     }

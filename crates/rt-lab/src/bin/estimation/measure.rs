@@ -8,8 +8,8 @@ use rt_balance::Scheduling;
 use rt_balance::catalogue::{Entry, Make};
 use rt_balance::replay::{Observed, Replay};
 use rt_core::{
-    Coherence, CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step,
-    StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
+    CostEstimator, Hit, Launch, LaunchRecord, Observation, RayMask, RaySource, RayStream, Span, Step, StreamKind,
+    StreamRecord, Task, TaskOutcome, TestCounts, Tracer, Walk, Work,
 };
 use rt_lab::contenders::MACHINES;
 use rt_lab::estimators;
@@ -159,18 +159,7 @@ impl Case {
         let mut launch = Launch::default();
         let (result, plain) = timed(|| trace(tracer, tasks, None, &mut launch));
         result?;
-        let stream = RayStream {
-            kind,
-            coherence: Coherence::Unknown,
-            tasks,
-            seed,
-            wave: 0,
-            source: Some(source),
-            devices: 2,
-            uninformed_excess: 1.0,
-            moves: true,
-            has_walks: true,
-        };
+        let stream = RayStream { seed, source: Some(source), devices: 2, ..RayStream::new(kind, tasks) };
         let (result, estimate) = timed(|| walk(&mut *self.estimator, stream, tracer));
         let walked = result?;
         let (result, remaining) = timed(|| trace(tracer, tasks, walked.mask.as_ref(), &mut launch));

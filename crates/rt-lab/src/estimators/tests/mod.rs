@@ -6,23 +6,12 @@ mod worth;
 use super::*;
 use proptest::prelude::*;
 use rt_core::{
-    Coherence, CostEstimator, CostModel, Observation, RayStream, Step, StreamKind, StreamRecord, Task, TestCounts,
-    Work, random, tasks_of,
+    CostEstimator, CostModel, Observation, RayStream, Step, StreamKind, StreamRecord, Task, TestCounts, Work, random,
+    tasks_of,
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream {
-        kind,
-        coherence: Coherence::Unknown,
-        tasks,
-        seed,
-        wave: 0,
-        source: None,
-        devices: 2,
-        uninformed_excess: 1.0,
-        moves: true,
-        has_walks: true,
-    }
+    RayStream { seed, devices: 2, ..RayStream::new(kind, tasks) }
 }
 
 /// The estimator that the tried ones are to be better than.

@@ -162,18 +162,7 @@ mod tests {
         let tasks = tasks_of(1024, 1024);
         // Whether there is one ray in each of the stretches of 64.
         let is_spread = |kind: &Kind, of: StreamKind| {
-            let stream = RayStream {
-                kind: of,
-                coherence: Coherence::Unknown,
-                tasks: &tasks,
-                seed: 1,
-                wave: 0,
-                source: None,
-                devices: 1,
-                uninformed_excess: 1.0,
-                moves: false,
-                has_walks: true,
-            };
+            let stream = RayStream { seed: 1, ..RayStream::new(of, &tasks) };
             match kind.estimator(Fraction::SIXTY_FOURTH, of).next(stream, Observation::default()) {
                 Step::Sample { rays, .. } => rays.len() == 16 && (0..).zip(rays).all(|(i, ray)| ray / 64 == i),
                 Step::Done(_) => false,

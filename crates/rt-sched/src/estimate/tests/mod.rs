@@ -9,23 +9,11 @@ use alloc::vec;
 use alloc::vec::Vec;
 use proptest::prelude::*;
 use rt_core::{
-    Coherence, LaunchRecord, ReducedWalk, StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Walk, random,
-    tasks_of,
+    LaunchRecord, ReducedWalk, StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
 };
 
 fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream {
-        kind,
-        coherence: Coherence::Unknown,
-        tasks,
-        seed,
-        wave: 0,
-        source: None,
-        devices: 2,
-        uninformed_excess: 1.0,
-        moves: true,
-        has_walks: true,
-    }
+    RayStream { seed, devices: 2, ..RayStream::new(kind, tasks) }
 }
 
 /// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
