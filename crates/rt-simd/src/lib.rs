@@ -41,6 +41,7 @@ mod stack;
 #[cfg(test)]
 mod tests;
 mod triangles;
+mod turns;
 
 pub use dispatch::Loops;
 pub use isa::{Isa, UnknownIsa};

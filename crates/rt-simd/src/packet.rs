@@ -6,7 +6,8 @@
 //! of all rays at once (the module `frustum`); of the children that these let through, each is tested with sixteen rays
 //! at a time, or of scattered rays all of them with one ray at a time where these are fewer, and goes on the stack
 //! with the set of those that enter it. A single child is not tested: that costs more than the few rays save that do
-//! not enter it. Where few are left they go on one by one (the module `single`).
+//! not enter it. Where few are left they go on one by one (the module `single`), scattered ones several in turns (the
+//! module `turns`).
 //!
 //! Which boxes are visited, and when, depends on a ray's company. Its hit does not: see the module `rays`.
 
@@ -16,6 +17,7 @@ use crate::rays::{Frame, Group, Set};
 use crate::single::{self, enter_each};
 use crate::stack::Stack;
 use crate::triangles::{AXES, any, nearest};
+use crate::turns::{Company, Turns};
 use rt_bvh::{Block, BlockChild, BlockNode, BlockTree};
 use rt_core::Ray;
 
@@ -33,11 +35,12 @@ const NEAR: u64 = 1 << 18;
 pub(crate) struct Packet {
     pub(crate) groups: [Group; GROUPS],
     stack: Stack,
+    turns: Turns,
 }
 
 impl Packet {
     pub(crate) fn new() -> Self {
-        Self { groups: [const { Group::EMPTY }; GROUPS], stack: Stack::new() }
+        Self { groups: [const { Group::EMPTY }; GROUPS], stack: Stack::new(), turns: Turns::new() }
     }
 
     /// Traces valid rays that are not extreme, of which there are at most [`RAYS`]. Where no more than `few` are left
@@ -52,7 +55,7 @@ impl Packet {
         rays: &[Ray],
         few: u32,
     ) {
-        let Self { groups, stack } = self;
+        let Self { groups, stack, turns } = self;
         let groups = &mut groups[..rays.len().div_ceil(LANES)];
         let far = tree.bytes() > NEAR;
         // Most packets have rays of one octant.
@@ -73,7 +76,7 @@ impl Packet {
             }
             let frustum = Frustum::around(level, groups, &open, octant);
             let mut walk = Walk { tree, far, frame, rays, few, groups, open, octant };
-            walk.run::<L, ANY, SCATTERED>(level, frustum, stack);
+            walk.run::<L, ANY, SCATTERED>(level, frustum, stack, turns);
         }
     }
 }
@@ -156,6 +159,7 @@ impl Walk<'_> {
         level: L,
         mut frustum: Frustum,
         stack: &mut Stack,
+        turns: &mut Turns,
     ) {
         stack.cut(0);
         stack.push(frustum.begin(), 0, joined(&self.open));
@@ -168,7 +172,12 @@ impl Walk<'_> {
                 rays &= joined(&self.open);
             }
             if rays.count_ones() <= self.few {
-                if rays != 0 {
+                if SCATTERED {
+                    turns.keep(entry, child, rays);
+                    if turns.is_enough() {
+                        self.in_turns::<L, ANY>(level, turns);
+                    }
+                } else if rays != 0 {
                     self.alone::<L, ANY>(level, stack, child, rays);
                 }
                 continue;
@@ -184,6 +193,24 @@ impl Walk<'_> {
                     }
                 }
                 BlockChild::Empty => {}
+            }
+        }
+        if SCATTERED {
+            self.in_turns::<L, ANY>(level, turns);
+        }
+    }
+
+    /// Single rays go where they are to go. The bounds' limit is left as it is.
+    #[inline(always)]
+    fn in_turns<L: Level, const ANY: bool>(&mut self, level: L, turns: &mut Turns) {
+        if ANY {
+            turns.keep_only(joined(&self.open));
+        }
+        let Self { tree, frame, rays, octant, .. } = *self;
+        turns.run::<L, ANY>(level, &mut Company { tree, frame, groups: self.groups, rays, octant });
+        if ANY {
+            for (open, group) in self.open.iter_mut().zip(&*self.groups) {
+                *open &= !group.found;
             }
         }
     }

@@ -13,20 +13,25 @@ use rt_core::intersect::Shear;
 use rt_core::{Hit, Ray};
 
 /// What box tests know of the ray.
-struct Single {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Single {
     /// For the planes through which it enters a box, and for those through which it leaves: padded origin times
     /// reciprocal.
     enter: [f32; 3],
     leave: [f32; 3],
     reciprocal: [f32; 3],
     begin: f32,
-    limit: f32,
+    pub(crate) limit: f32,
     octant: usize,
 }
 
 impl Single {
+    /// Of no ray.
+    pub(crate) const NONE: Self =
+        Self { enter: [0.0; 3], leave: [0.0; 3], reciprocal: [0.0; 3], begin: 0.0, limit: 0.0, octant: 0 };
+
     #[inline(always)]
-    fn of(group: &Group, lane: usize, octant: usize) -> Self {
+    pub(crate) fn of(group: &Group, lane: usize, octant: usize) -> Self {
         let lane = lane % LANES;
         let [x, y, z] = ways(&group.offset, octant);
         let [i, j, k] = &group.reciprocal;
@@ -57,7 +62,7 @@ impl Single {
 
     /// Puts the children that the ray enters on the stack, the first to visit uppermost.
     #[inline(always)]
-    fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
+    pub(crate) fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
         let (near, far) = self.distances(level, ways(node.planes(), self.octant));
         let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         let (entries, children) = stack.room();

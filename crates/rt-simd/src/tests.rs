@@ -69,6 +69,7 @@ fn assert_alike(triangles: &[Triangle], rays: &[Ray], excluded: &[u32], name: &s
         (Coherence::Coherent, 8),
         (Coherence::Coherent, 64),
         (Coherence::Incoherent, 2),
+        (Coherence::Incoherent, 64),
         (Coherence::Unknown, 3),
     ];
     for kernel in kernels() {
