@@ -163,7 +163,9 @@ impl Shear {
     #[inline]
     #[must_use]
     pub fn intersect(&self, triangle: &Triangle) -> Option<Intersection> {
-        let [a, b, c] = triangle.vertices().map(|p| self.project(p));
+        // One by one: closures of arrays are called where nothing optimises across crates.
+        let [a, b, c] = triangle.vertices();
+        let (a, b, c) = (self.project(a), self.project(b), self.project(c));
         let u = c.x * b.y - c.y * b.x;
         let v = a.x * c.y - a.y * c.x;
         let w = b.x * a.y - b.y * a.x;
@@ -215,7 +217,7 @@ impl Shear {
     #[inline]
     #[must_use]
     pub fn resolve(&self, met: &Intersection, triangle: &Triangle, limits: [f32; 2], primitive: u32) -> Option<Hit> {
-        let [low, high] = [met.t - met.error, met.t + met.error].map(round_distance);
+        let (low, high) = (round_distance(met.t - met.error), round_distance(met.t + met.error));
         // Rounding is monotone, so the exact distance is rounded to something between these two.
         if high < limits[0] || low > limits[1] {
             return None;
@@ -246,7 +248,7 @@ impl Intersection {
 #[inline]
 fn hit_at(t: f32, met: &Intersection, limits: [f32; 2], primitive: u32) -> Option<Hit> {
     // Adding zero turns −0 into +0.
-    let [u, v] = [met.u, met.v].map(|x| x as f32 + 0.0);
+    let (u, v) = (met.u as f32 + 0.0, met.v as f32 + 0.0);
     (limits[0] <= t && t <= limits[1] && t.is_finite()).then_some(Hit { t, u, v, primitive })
 }
 

@@ -18,8 +18,9 @@ const ENOUGH: u32 = 64;
 /// Tasks a device from which on smaller ones gain nothing, where they cost nothing.
 const PLENTY: u32 = 256;
 
-/// Cuts those tasks finer that are too large for so many devices to end together: more than a 64th of a device's
-/// share, and two of the smallest size. `None` if there are none.
+/// Cuts those tasks finer that are too large for so many devices to end together: that can be halved and are still
+/// [`DEFAULT_TASK_SIZE`] and a 256th of a device's share or, where a 64th of it is less than that size, that are more
+/// than a 64th, and two of the smallest size. `None` if there are none.
 ///
 /// Nothing is known of costs and speeds here. A task that is large beside a device's share is a long time on a device
 /// that is slower than thought, or if it is more expensive than thought; no order and no estimate of large tasks is as
@@ -32,11 +33,13 @@ pub fn finer(tasks: &[Task], devices: usize) -> Option<Vec<Task>> {
     if devices < 2 || rays == 0 {
         return None;
     }
-    let most = share(ENOUGH);
-    let size = match most {
-        DEFAULT_TASK_SIZE.. => share(PLENTY).max(DEFAULT_TASK_SIZE),
-        512.. => 512,
-        _ => LEAST_TASK_SIZE,
+    let (most, size) = match share(ENOUGH) {
+        DEFAULT_TASK_SIZE.. => {
+            let size = share(PLENTY).max(DEFAULT_TASK_SIZE);
+            (size.saturating_mul(2) - 1, size)
+        }
+        most @ 512.. => (most, 512),
+        most => (most, LEAST_TASK_SIZE),
     };
     let parts = |task: &Task| if task.rays > most { (task.rays / size).max(1) } else { 1 };
     let all: usize = tasks.iter().map(|task| parts(task) as usize).sum();
@@ -84,6 +87,9 @@ mod tests {
         assert_eq!(sizes(&four, 1), None);
         assert_eq!(sizes(&four, 2), Some(alloc::vec![2048; 512]));
         assert_eq!(sizes(&four, 8), Some(alloc::vec![1024; 1024]));
+        // Those that are no more than a 64th of a share too.
+        assert_eq!(sizes(&tasks_of(1 << 20, 1 << 13), 2), Some(alloc::vec![2048; 512]));
+        assert_eq!(sizes(&tasks_of(1 << 20, 1 << 11), 2), None);
         // One task that is large beside many that are not.
         let mut tasks = tasks_of(1 << 18, 1024);
         tasks.push(Task { first: 1 << 18, rays: 8 << 10 });

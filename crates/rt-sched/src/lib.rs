@@ -8,6 +8,8 @@
 //! work per task; [`calibrate`] turns measured launches into each device's seconds for that work; a [`policy`] deals
 //! the tasks; a [`queue`] hands them out launch by launch; [`bound`] and [`metrics`] say how good that was.
 //!
+//! The feature `test-support` adds what tests of estimators have in common; it changes nothing else.
+//!
 //! `no_std` with `alloc`. Current limits: a policy sees expected costs only, not their standard errors; queues know no
 //! clock, so a device that is late is noticed by others only when they run dry.
 #![no_std]
@@ -27,6 +29,8 @@ pub mod queue;
 pub mod sample;
 mod schedule;
 pub mod simulate;
+#[cfg(any(test, feature = "test-support"))]
+pub mod test_support;
 pub mod uninformed;
 
 pub use schedule::{Schedule, ScheduleError};

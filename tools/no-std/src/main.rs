@@ -17,8 +17,8 @@ use core::hint::black_box;
 use glam::Vec3;
 use rt_bvh::{BuildOptions, Mesh, Stack, build, count, trace};
 use rt_core::{
-    Camera, CameraRays, CostEstimator, CostModel, Hit, Observation, Precision, Ray, RayStream, Scene, Step,
-    StreamKind, StreamSpec, Task, Triangle, Work, intersect, morton, tasks_of,
+    Camera, CameraRays, CostEstimator, CostModel, Hit, Observation, Precision, Ray, RayStream, Scene, Step, StreamKind,
+    StreamSpec, Task, Triangle, Work, intersect, morton, tasks_of,
 };
 use rt_sched::estimate::Sampled;
 use rt_sched::policy::{Lpt, Policy};

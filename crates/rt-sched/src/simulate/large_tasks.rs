@@ -133,10 +133,13 @@ fn few_large_tasks_are_cut() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
-    /// A device that is added makes nothing slower, but for the launches: with any speeds, known or not, however large
-    /// the tasks are that the caller cut, the default takes no longer than its fastest device would alone.
+    /// A device that is added makes nothing slower, but for the launches: with any speeds that are known, however large
+    /// the tasks are that the caller cut, the default takes no longer than its fastest device would alone. Of a device
+    /// of which nothing is known the first tasks may be cheap, and it seem fast: up to a third longer
+    /// (docs/results/scheduling.md).
     ///
-    /// Mutants: `finer` that cuts nothing; `PLENTY` of 8.
+    /// Mutants: `finer` that cuts nothing; that leaves tasks of a 64th of a device's share: twice as long; `PLENTY` of
+    /// 8.
     #[test]
     fn no_device_makes_the_others_slower(
         speeds in prop::collection::vec(0.02_f64..1.0, 1..6), tasks in 1_u32..200, seed in 0_u32..1000, known: bool,
@@ -146,6 +149,7 @@ proptest! {
         let given = tasks_of(picture.rays(), picture.rays().div_ceil(tasks));
         let cut = finer(&given, speeds.len()).unwrap_or(given);
         let (alone, together) = (alone_s(&speeds), picture.default(&cut, &speeds, known));
-        prop_assert!(together <= alone * 1.001, "{} of {}", together, alone);
+        let most = if known { 1.001 } else { 1.35 };
+        prop_assert!(together <= alone * most, "{} of {}", together, alone);
     }
 }

@@ -4,6 +4,7 @@ mod choosing;
 
 use super::*;
 use crate::sample::{Fraction, RaySampler};
+use crate::test_support::{diffuse, estimate, stream, truth};
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -12,48 +13,11 @@ use rt_core::{
     LaunchRecord, ReducedWalk, StreamKind, StreamRecord, Task, TaskOutcome, TestCounts, Walk, random, tasks_of,
 };
 
-fn stream(kind: StreamKind, tasks: &[Task], seed: u32) -> RayStream<'_> {
-    RayStream { seed, devices: 2, ..RayStream::new(kind, tasks) }
-}
-
-/// Does what a driver does: walks what is asked for until the estimate is there. Returns it and the rays walked.
-fn estimate(
-    estimator: &mut dyn CostEstimator,
-    stream: RayStream<'_>,
-    counts: &dyn Fn(u32) -> TestCounts,
-) -> (Vec<Work>, usize) {
-    let mut walked = 0;
-    let mut rays = Vec::new();
-    let mut seen = Vec::new();
-    for _ in 0..10 {
-        match estimator.next(stream, Observation { rays: &rays, counts: &seen }) {
-            Step::Done(work) => return (work, walked),
-            Step::Sample { rays: asked, .. } => {
-                walked += asked.len();
-                seen = asked.iter().map(|&ray| counts(ray)).collect();
-                rays = asked;
-            }
-        }
-    }
-    panic!("the estimator asks for ever");
-}
-
-/// Skewed counts without order, as diffuse rays have.
-fn diffuse(ray: u32) -> TestCounts {
-    let [a, b] = random::pair(3, ray, 0);
-    let [c, _] = random::pair(3, ray, 1);
-    TestCounts { boxes: (10.0 + 60.0 * a + 30.0 * a * b) as u32, triangles: (8.0 * c) as u32 }
-}
-
 /// Counts that change slowly along the stream, with some noise, as primary rays have.
 fn primary(ray: u32) -> TestCounts {
     let slow = libm::sinf(ray as f32 / 150.0) + libm::sinf(ray as f32 / 37.0);
     let [a, _] = random::pair(4, ray, 0);
     TestCounts { boxes: (60.0 + 20.0 * slow + 20.0 * a) as u32, triangles: 5 }
-}
-
-fn truth(task: Task, counts: &dyn Fn(u32) -> TestCounts) -> f64 {
-    task.range().map(|ray| f64::from(counts(ray).boxes + counts(ray).triangles)).sum()
 }
 
 /// Mutant: rays that have a price beside their test's, which would make half of every difference vanish.
