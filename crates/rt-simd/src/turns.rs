@@ -2,8 +2,8 @@
 //!
 //! Packets of scattered rays leave most of their work to single rays, and each step of those reads a node or a block
 //! that nobody has read for long. So rays do not go at once: what they are to visit is kept until it is much, and then
-//! several go, one step each, and ask for what their next step reads. With rays that start anywhere that takes two
-//! thirds of the time (docs/results/cpu.md).
+//! several go, one step each, and ask for what their next step reads. With rays that start anywhere that takes seven
+//! tenths of the time (docs/results/cpu.md).
 
 use crate::lanes::{LANES, Level};
 use crate::packet::{GROUPS, RAYS, fetch};
