@@ -4,7 +4,7 @@ use crate::command::cargo;
 use crate::deny::{self, Availability};
 use crate::setup::{Setup, is_ci, setup};
 use crate::steps::{Step, run_all};
-use crate::workspace::{FACADE, Packages, TESTS};
+use crate::workspace::{FACADE, Packages};
 use crate::{embree, no_std, python, unsafe_code, vulkan, width};
 use anyhow::Result;
 use std::ffi::OsString;
@@ -134,14 +134,8 @@ impl Tests {
 
     /// All that there is to run, the longest first.
     fn all(&self, setup: &Setup, packages: &Packages) -> Vec<Step> {
-        // Two halves that run at the same time.
-        let [together, single] = packages.test_programs(TESTS).map(|programs| {
-            let chosen: String = programs.iter().map(|program| format!("--test {program} ")).collect();
-            self.command(chosen.trim_end())
-        });
         let mut steps = vec![
-            Step::command("tests of single crates from outside", single),
-            Step::command("tests of crates together", together),
+            Step::command("tests of crates from outside", self.command("--test *")),
             Step::command("tests inside crates", self.command("--lib --bins")),
             Step::command("tests in documentation", self.command("--doc")),
         ];

@@ -3,15 +3,11 @@
 use crate::command::{cargo, root};
 use anyhow::{Context, Result, bail};
 use serde_json::Value;
-use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::process::Command;
 
 /// Package of the facade, whose features choose the backends.
 pub(crate) const FACADE: &str = "rt-balance";
-
-/// Package of the tests of several crates together.
-pub(crate) const TESTS: &str = "rt-tests";
 
 /// The packages of the workspace.
 pub(crate) struct Packages {
@@ -55,15 +51,6 @@ impl Packages {
         public.filter_map(|package| package["name"].as_str())
     }
 
-    /// The names of all programs of tests beside crates: those that the package `name` has, and the others. Programs of
-    /// one name in several packages run together.
-    pub(crate) fn test_programs(&self, name: &str) -> [BTreeSet<&str>; 2] {
-        let own: BTreeSet<&str> =
-            self.all.iter().filter(|package| package["name"] == name).flat_map(tests_of).collect();
-        let others = self.all.iter().flat_map(tests_of).filter(|program| !own.contains(program)).collect();
-        [own, others]
-    }
-
     /// Every feature of every package, as cargo's `--features` takes them, but for those of a name: what
     /// `--all-features` is where that one cannot be built.
     pub(crate) fn features_without(&self, left_out: &str) -> String {
@@ -85,12 +72,6 @@ impl Packages {
     }
 }
 
-/// The names of a package's programs of tests beside its crates.
-fn tests_of(package: &Value) -> impl Iterator<Item = &str> {
-    let targets = package["targets"].as_array().into_iter().flatten();
-    targets.filter(|target| target["kind"][0] == "test").filter_map(|target| target["name"].as_str())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -101,18 +82,6 @@ mod tests {
         let features = Packages::read().unwrap().features_without("mpi");
         let features: Vec<&str> = features.split(',').collect();
         assert!(features.contains(&"rt-balance/vulkan") && features.iter().all(|name| !name.ends_with("/mpi")));
-    }
-
-    /// Mutants: programs of other kinds are taken for tests; one is in both halves, or in none.
-    #[test]
-    fn every_program_of_tests_is_run_once() {
-        let packages = Packages::read().unwrap();
-        let [own, others] = packages.test_programs(TESTS);
-        assert!(own.contains("parity") && others.contains("pages") && own.is_disjoint(&others));
-        assert!(!own.contains("robustness") && !others.contains("raybalance"));
-        let all = packages.all.iter().flat_map(|package| package["targets"].as_array().unwrap());
-        let tests = all.filter(|target| target["kind"][0] == "test").map(|target| target["name"].as_str().unwrap());
-        assert_eq!(tests.collect::<BTreeSet<_>>(), own.union(&others).copied().collect());
     }
 
     /// The workflow runs the least compiler that is promised.
