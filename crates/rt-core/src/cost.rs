@@ -282,9 +282,7 @@ impl<'a> RayStream<'a> {
             has_walks: true,
         }
     }
-}
 
-impl RayStream<'_> {
     /// Whether neighbouring rays take similar paths, so that a strided sample represents a task well: as the caller
     /// says, or as the kind does.
     #[must_use]

@@ -62,13 +62,44 @@ impl Single {
 
     /// Puts the children that the ray enters on the stack, the first to visit uppermost.
     #[inline(always)]
-    pub(crate) fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
+    fn enter<L: Level, const ANY: bool>(&self, level: L, node: &BlockNode, stack: &mut Stack) {
         let (near, far) = self.distances(level, ways(node.planes(), self.octant));
         let (slots, count) = near.not_above_in_order(far, order::<ANY>(node, self.octant));
         let (entries, children) = stack.room();
         near.pick(slots).store(entries);
         slots.pick(node.children(), children);
         stack.grow(count);
+    }
+
+    /// Visits a child with the ray in a lane of a group: what it enters goes on the stack, and its hit in the group, if
+    /// that is the best so far. Whether the ray ends there, as with `ANY` it does with a hit. `shear` is made when the
+    /// first triangle asks for it.
+    #[expect(clippy::too_many_arguments, reason = "all in registers")]
+    #[inline(always)]
+    pub(crate) fn visit<L: Level, const ANY: bool>(
+        &mut self,
+        level: L,
+        (tree, frame): (&BlockTree, &Frame),
+        group: &mut Group,
+        (lane, given, axes): (usize, &Ray, [usize; 3]),
+        child: u32,
+        shear: &mut Option<Shear>,
+        stack: &mut Stack,
+    ) -> bool {
+        match BlockChild::of(child) {
+            BlockChild::Node(index) => self.enter::<L, ANY>(level, &tree.nodes()[index as usize], stack),
+            BlockChild::Block { index, count } => {
+                let block = (&tree.blocks()[index as usize], count);
+                if meets_any::<L, ANY>(level, frame, group, (lane, given), block, axes, shear) {
+                    if ANY {
+                        return true;
+                    }
+                    self.limit = group.limit.0[lane];
+                }
+            }
+            BlockChild::Empty => {}
+        }
+        false
     }
 }
 
@@ -118,19 +149,9 @@ pub(crate) fn walk<L: Level, const ANY: bool>(
         if entry > ray.limit {
             continue;
         }
-        match BlockChild::of(child) {
-            BlockChild::Node(index) => ray.enter::<L, ANY>(level, &tree.nodes()[index as usize], stack),
-            BlockChild::Block { index, count } => {
-                let block = (&tree.blocks()[index as usize], count);
-                if meets_any::<L, ANY>(level, frame, group, (lane, given), block, axes, &mut shear) {
-                    if ANY {
-                        stack.cut(bottom);
-                        return;
-                    }
-                    ray.limit = group.limit.0[lane];
-                }
-            }
-            BlockChild::Empty => {}
+        if ray.visit::<L, ANY>(level, (tree, frame), group, (lane, given, axes), child, &mut shear, stack) {
+            stack.cut(bottom);
+            return;
         }
     }
 }

@@ -8,9 +8,9 @@
 use crate::lanes::{LANES, Level};
 use crate::packet::{GROUPS, RAYS, fetch};
 use crate::rays::{Frame, Group};
-use crate::single::{Single, meets_any};
+use crate::single::Single;
 use crate::stack::Stack;
-use rt_bvh::{BlockChild, BlockTree};
+use rt_bvh::BlockTree;
 use rt_core::Ray;
 use rt_core::intersect::Shear;
 
@@ -187,22 +187,10 @@ impl Going {
     fn step<L: Level, const ANY: bool>(&mut self, level: L, company: &mut Company<'_>, visits: &[Visit; MOST]) -> bool {
         let Company { tree, frame, groups, rays, .. } = company;
         let Some(child) = self.next(visits) else { return false };
-        match BlockChild::of(child) {
-            BlockChild::Node(index) => {
-                self.ray.enter::<L, ANY>(level, &tree.nodes()[index as usize], &mut self.stack);
-            }
-            BlockChild::Block { index, count } => {
-                let block = (&tree.blocks()[index as usize], count);
-                let (group, lane) = (&mut groups[self.number / LANES % GROUPS], self.number % LANES);
-                let ray = (lane, &rays[self.number]);
-                if meets_any::<L, ANY>(level, frame, group, ray, block, self.axes, &mut self.shear) {
-                    if ANY {
-                        return false;
-                    }
-                    self.ray.limit = group.limit.0[lane];
-                }
-            }
-            BlockChild::Empty => {}
+        let group = &mut groups[self.number / LANES % GROUPS];
+        let own = (self.number % LANES, &rays[self.number], self.axes);
+        if self.ray.visit::<L, ANY>(level, (tree, frame), group, own, child, &mut self.shear, &mut self.stack) {
+            return false;
         }
         if let Some(&child) = self.stack.next(1).first() {
             fetch(level, tree, child);

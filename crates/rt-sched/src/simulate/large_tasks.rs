@@ -7,8 +7,9 @@ use crate::cut::finer;
 use crate::estimate::Auto;
 use crate::policy::{Lpt, Policy};
 use crate::queue::HybridQueue;
+use crate::test_support::estimate;
 use proptest::prelude::*;
-use rt_core::{CostEstimator, CostModel, Observation, Step, StreamKind, Task, TestCounts, Work, tasks_of};
+use rt_core::{CostModel, StreamKind, Task, TestCounts, Work, tasks_of};
 use std::eprintln;
 
 /// Rays whose costs are alike: fewer than a task has.
@@ -59,17 +60,7 @@ impl Picture {
     fn estimated(&self, tasks: &[Task], speeds: &[f64], are_speeds_known: bool) -> Vec<Work> {
         let are_alike = speeds.windows(2).all(|pair| pair[0] == pair[1]);
         let stream = told(StreamKind::Primary, tasks, speeds.len(), are_speeds_known, are_alike);
-        let mut auto = Auto::default();
-        let (mut rays, mut counts) = (Vec::new(), Vec::new());
-        loop {
-            match auto.next(stream, Observation { rays: &rays, counts: &counts }) {
-                Step::Done(work) => return work,
-                Step::Sample { rays: asked, .. } => {
-                    counts = asked.iter().map(|&ray| self.counts(ray)).collect();
-                    rays = asked;
-                }
-            }
-        }
+        estimate(&mut Auto::default(), stream, &|ray| self.counts(ray)).0
     }
 
     /// Seconds that the default takes for the stream in these tasks.
